@@ -1,0 +1,1 @@
+"""Steering commands as protected CAN frames."""

@@ -1,0 +1,1 @@
+"""The world the controller acts on: signals, vehicle data, road, obstacles, tyre law, plants."""

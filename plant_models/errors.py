@@ -1,0 +1,23 @@
+"""The error tree: every error also is a standard-library error and carries its evidence."""
+
+
+class SidestepError(Exception):
+    """Root of everything this project raises on purpose."""
+
+
+class InputError(SidestepError, ValueError):
+    """A value from outside (file, option, argument) that cannot be used.
+
+    Attributes:
+        where: File, dotted key, option or argument that holds the value.
+        problem: What is wrong with it, the value included.
+        allowed: What would be accepted; empty if the problem says so already.
+    """
+
+    def __init__(self, where: str, problem: str, allowed: str = ""):
+        self.where, self.problem, self.allowed = where, problem, allowed
+        super().__init__(f"{where}: {problem}" + (f"; allowed: {allowed}" if allowed else ""))
+
+
+class PlantError(SidestepError, RuntimeError):
+    """A plant that cannot go on (solver blew up, FMU returned an error, process died)."""

@@ -1,0 +1,1 @@
+"""Scenarios, co-simulation loop, acceptance, metrics, reports and the command line."""
