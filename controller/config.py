@@ -1,0 +1,110 @@
+"""Settings of the controller, and its two presets."""
+
+import math
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from sidestep.plant_models.errors import InputError
+
+
+@dataclass(frozen=True)
+class ControllerConfig:
+    """Everything that can be tuned; the defaults are the `default` preset.
+
+    Attributes:
+        formulation: "corridor" (footprint corridor, soft rows, steering rate as input, exact
+            discretisation) or "paper" (Eqs. (7), (13)-(16) to the letter).
+        period: Control period, in [s].
+        cruise_speed: Speed to hold, in [m/s]; None takes that of the first state.
+        width_left, width_right: Road edges left and right of the reference, in [m].
+        reference_offset: l_ref of Eq. (10), in [m].
+        buffer: Clearance l_buffer of Eq. (13) to obstacles and road edges, in [m].
+        margin_time: Extra distance that the planner keeps from obstacles, in [m] per [m/s].
+        safe_distance: d_max of Eq. (12), in [m].
+        weight_reference, weight_continuity, weight_obstacle: Of the costs (10), (11) (per squared
+            lateral speed) and (12).
+        side_hysteresis: Cost per layer of changing the passing side of an obstacle.
+        max_lateral_speed, max_slope: Bound (8): l' <= min(max_slope, max_lateral_speed / v).
+        weight_offset, weight_lateral_speed: Tracking of the planned path, in [1/m^2] and [s^2/m^2].
+        weight_acceleration, weight_jerk: Of lateral acceleration [s^4/m^2] and jerk [s^6/m^2].
+        weight_rate: Of the steering rate itself, in [s^2/rad^2]; keeps standstill well-posed.
+        corridor_penalty, slip_penalty: Linear cost of leaving the corridor [1/m] or the slip bound [1/rad].
+        friction: Road friction that the controller believes, as a factor on the tyre's peak.
+        max_slip: Bound on front and rear slip angle at friction 1, in [rad].
+        comfort_braking: Deceleration used where the distance allows it, in [m/s^2].
+        standstill_gap: Distance left to what blocks the road, in [m].
+        max_lateral_acceleration: a_y,max of Eq. (14), in [m/s^2]; `paper` only.
+        weight_steer: R of Eq. (15); `paper` only.
+    """
+
+    formulation: str = "corridor"
+    period: float = 0.02
+    cruise_speed: float | None = None
+    width_left: float = 4.0
+    width_right: float = 4.0
+    reference_offset: float = 0.0
+    buffer: float = 0.2
+    margin_time: float = 0.01
+    safe_distance: float = 1.0
+    weight_reference: float = 1.0
+    weight_continuity: float = 0.2
+    weight_obstacle: float = 3.0
+    side_hysteresis: float = 2.0
+    max_lateral_speed: float = 3.6
+    max_slope: float = 0.5
+    weight_offset: float = 4.0
+    weight_lateral_speed: float = 0.4
+    weight_acceleration: float = 0.05
+    weight_jerk: float = 2e-3
+    weight_rate: float = 0.5
+    corridor_penalty: float = 300.0
+    slip_penalty: float = 300.0
+    friction: float = 1.0
+    max_slip: float = 0.10
+    comfort_braking: float = 3.0
+    standstill_gap: float = 2.0
+    max_lateral_acceleration: float = 8.0
+    weight_steer: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.formulation not in ("corridor", "paper"):
+            raise InputError("controller.formulation", f"{self.formulation!r}", "corridor, paper")
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if f.name == "formulation" or (f.name == "cruise_speed" and value is None):
+                continue
+            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+                raise InputError(f"controller.{f.name}", f"{value!r} is not a finite number")
+            low = _LOWEST.get(f.name, 0.0)
+            if value < low or (f.name in _POSITIVE and value <= 0.0):
+                raise InputError(f"controller.{f.name}", f"{value}", "> 0" if f.name in _POSITIVE else f">= {low:g}")
+
+    @classmethod
+    def preset(cls, name: str = "default", **overrides: Any) -> "ControllerConfig":
+        """A preset with single values replaced.
+
+        Args:
+            name: "default", or "paper" for the literal paper as baseline.
+            overrides: Fields of this class by name.
+
+        Raises:
+            InputError: No such preset or field, or a value out of range.
+        """
+        if name not in PRESETS:
+            raise InputError("controller.preset", f"unknown preset {name!r}", ", ".join(PRESETS))
+        names = [f.name for f in fields(cls)]
+        for key in overrides:
+            if key not in names:
+                raise InputError(f"controller.{key}", "unknown key", ", ".join(names))
+        return replace(cls(), **{**PRESETS[name], **overrides})
+
+
+PRESETS: dict[str, dict[str, Any]] = {"default": {}, "paper": {"formulation": "paper"}}
+"""What each preset changes against the defaults."""
+
+_POSITIVE = (
+    "period", "width_left", "width_right", "safe_distance", "max_lateral_speed", "max_slope", "weight_offset",
+    "weight_rate", "corridor_penalty", "slip_penalty", "friction", "max_slip", "comfort_braking",
+    "max_lateral_acceleration", "weight_steer",
+)  # fmt: skip
+_LOWEST = {"reference_offset": -math.inf}

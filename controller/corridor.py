@@ -1,0 +1,149 @@
+"""Exact lateral intervals of obstacles, and the corridor (13) made of them.
+
+Stations are relative to the car's s. An obstacle is a convex polygon of eight road-frame points
+(corners and edge middles), so that a box stays a box on a curved road to second order.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+@njit(cache=True, nogil=True)
+def obstacle_polygons(boxes, curvature):
+    """Outline of boxes in the road frame.
+
+    Args:
+        boxes: Rows of s (relative), l, length, width, heading, speed, shape (M, 6), in [m, rad, m/s].
+        curvature: Of the road at each box, shape (M,), in [1/m].
+
+    Returns:
+        Polygons, shape (M, 8, 2): s and l of corners and edge middles, counter-clockwise, in [m].
+    """
+    polygons = np.empty((boxes.shape[0], 8, 2))
+    for m in range(boxes.shape[0]):
+        s, l, length, width, heading, _ = boxes[m]  # noqa: E741
+        c, d = math.cos(heading), math.sin(heading)
+        shrink = max(1.0 - curvature[m] * l, 0.1)
+        for i in range(8):
+            a = 0.5 * length * (1.0 if i in (0, 1, 7) else (0.0 if i in (2, 6) else -1.0))
+            b = 0.5 * width * (1.0 if i in (1, 2, 3) else (0.0 if i in (0, 4) else -1.0))
+            along, across = c * a - d * b, d * a + c * b
+            polygons[m, i, 0] = s + along / shrink
+            polygons[m, i, 1] = l + across - 0.5 * curvature[m] * along * along / shrink
+    return polygons
+
+
+@njit(cache=True, nogil=True)
+def lateral_interval(polygon, shift, start, end):
+    """Smallest and largest l of a polygon between two stations.
+
+    Args:
+        polygon: Shape (8, 2), in [m].
+        shift: Added to the polygon's s, in [m].
+        start, end: Stations, in [m].
+
+    Returns:
+        low, high in [m]; low > high if the polygon lies elsewhere.
+    """
+    low, high = math.inf, -math.inf
+    for i in range(8):
+        s0, l0 = polygon[i, 0] + shift, polygon[i, 1]
+        s1, l1 = polygon[(i + 1) % 8, 0] + shift, polygon[(i + 1) % 8, 1]
+        if max(s0, s1) < start or min(s0, s1) > end:
+            continue
+        for station in (max(min(s0, s1), start), min(max(s0, s1), end)):
+            t = (station - s0) / (s1 - s0) if s1 != s0 else 0.0
+            value = l0 + (l1 - l0) * t
+            low, high = min(low, value), max(high, value)
+            if s1 == s0:
+                low, high = min(low, l1), max(high, l1)
+    return low, high
+
+
+@njit(cache=True, nogil=True)
+def corridor_bounds(stations, times, reach, polygons, speeds, sides, right_edge, left_edge):
+    """Free lateral interval at stations, Eq. (13) without the half width and buffer.
+
+    Args:
+        stations: Centre of each query, shape (N,), in [m].
+        times: When the car is there, from now, shape (N,), in [s].
+        reach: The query covers stations -+ reach, shape (N,), in [m].
+        polygons, speeds: Obstacles, shapes (M, 8, 2) and (M,), in [m] and [m/s].
+        sides: +1 where the car passes on the obstacle's left, -1 on its right, 0 ignores it; shape (M,).
+        right_edge, left_edge: Road edges as l, in [m].
+
+    Returns:
+        right and left boundary, each of shape (N,), in [m].
+    """
+    right = np.full(stations.shape[0], right_edge)
+    left = np.full(stations.shape[0], left_edge)
+    for m in range(polygons.shape[0]):
+        if sides[m] == 0:
+            continue
+        for k in range(stations.shape[0]):
+            low, high = lateral_interval(
+                polygons[m], speeds[m] * times[k], stations[k] - reach[k], stations[k] + reach[k]
+            )
+            if low > high:
+                continue
+            if sides[m] > 0:
+                right[k] = max(right[k], high)
+            else:
+                left[k] = min(left[k], low)
+    return right, left
+
+
+@njit(cache=True, nogil=True)
+def footprint_bounds(stations, times, reach, levers, clearance, turn, curvature, polygons, speeds, sides,
+                     right_edge, left_edge):  # fmt: skip
+    """Bounds on l + lever e_phi of the car's centre line at two ends of its footprint, Eq. (13).
+
+    Where a box corner slides along the turning car between its ends it comes closer by up to
+    turn (front + rear)^2 / 8 on the inner side; the bounds there are tightened by that much.
+
+    Args:
+        stations: Predicted stations of the car, relative, shape (N,), in [m].
+        times: Of those, from now, shape (N,), in [s].
+        reach: Each query covers its station -+ reach, shape (N,), in [m].
+        levers: Front end (positive) and rear end (negative) from the centre of gravity, in [m].
+        clearance: Half width plus buffer, in [m].
+        turn: Curvature of the predicted path gamma / v, shape (N,), in [1/m].
+        curvature: Of the road at the stations, shape (N,), in [1/m].
+        polygons, speeds, sides, right_edge, left_edge: See `corridor_bounds`.
+
+    Returns:
+        right and left at the front, right and left at the rear, shape (4, N), in [m].
+    """
+    bounds = np.empty((4, stations.shape[0]))
+    for end in range(2):
+        lever = levers[end]
+        right, left = corridor_bounds(
+            stations + lever, times, reach, polygons, speeds, sides, right_edge, left_edge
+        )  # fmt: skip
+        for k in range(stations.shape[0]):
+            inner = turn[k] * (levers[0] - levers[1]) ** 2 / 8.0
+            bow = 0.5 * curvature[k] * lever * lever
+            low = right[k] + clearance + max(-inner, 0.0) + bow
+            high = left[k] - clearance - max(inner, 0.0) + bow
+            if low > high:
+                low = high = 0.5 * (low + high)
+            bounds[2 * end, k], bounds[2 * end + 1, k] = low, high
+    return bounds
+
+
+@njit(cache=True, nogil=True)
+def path_reference(stations, offsets, queries, span):
+    """Offset of the planned path and its mean slope over -+ span.
+
+    Args:
+        stations, offsets: The path, shape (S,), in [m].
+        queries: Stations, shape (N,), in [m].
+        span: In [m].
+
+    Returns:
+        Offsets [m] and slopes [rad], each of shape (N,).
+    """
+    offset = np.interp(queries, stations, offsets)
+    slope = (np.interp(queries + span, stations, offsets) - np.interp(queries - span, stations, offsets)) / (2.0 * span)
+    return offset, slope

@@ -1,0 +1,228 @@
+"""Path search over a lattice of the road: costs (9)-(12) under (8), exact by layered dynamic programming.
+
+Layers stand at fixed stations of the road, so that what was optimal a step ago stays optimal and the path
+does not flicker; their spacing grows with speed, which makes (8) a bound on lateral speed.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from sidestep.controller.corridor import corridor_bounds, lateral_interval
+
+LAYERS = 60
+SPACING_TIME = 1.0 / 15.0
+MIN_SPACING = 0.5
+LATERAL_STEP = 0.08
+NEAR_COST, BLOCKED_COST, COLLISION_COST = 1e2, 1e4, 1e6
+
+
+class PlannerSettings(NamedTuple):
+    """What the search needs to know of car and configuration, in SI units."""
+
+    front: float
+    rear: float
+    half_width: float
+    buffer: float
+    margin: float
+    safe_distance: float
+    reference: float
+    right_edge: float
+    left_edge: float
+    weight_reference: float
+    weight_continuity: float
+    weight_obstacle: float
+    hysteresis: float
+    max_slope: float
+
+
+class PlannedPath(NamedTuple):
+    """Result of the search.
+
+    Attributes:
+        stations: From the car on, relative to it, shape (S,), in [m].
+        offsets: Planned l, shape (S,), in [m].
+        right, left: Corridor (13) for the car's centre, shape (S,), in [m].
+        sides: Passing side of each obstacle, +1 left of it, -1 right, 0 in the way, shape (M,).
+        cost: Minimum of (9), summed.
+        blocker: Index of the first obstacle in the way, -1 if none; -2 if the road itself is too narrow.
+    """
+
+    stations: NDArray[np.float64]
+    offsets: NDArray[np.float64]
+    right: NDArray[np.float64]
+    left: NDArray[np.float64]
+    sides: NDArray[np.int64]
+    cost: float
+    blocker: int
+
+
+@njit(cache=True, nogil=True)
+def node_costs(stations, offsets, speed, polygons, speeds, committed, p):
+    """Costs (10) and (12) of every node, and the price of what is in the way.
+
+    Args:
+        stations, offsets: Layers and lateral nodes, shapes (S,) and (L,), in [m].
+        speed: Of the car, in [m/s]; layer i is reached after stations[i] / speed.
+        polygons, speeds: Obstacles, shapes (M, 8, 2) and (M,).
+        committed: Passing side kept from before, 0 for none, shape (M,).
+        p: PlannerSettings.
+
+    Returns:
+        Shape (S, L); entries >= BLOCKED_COST lie within half width and buffer of an obstacle.
+    """
+    cost = np.empty((stations.shape[0], offsets.shape[0]))
+    for j in range(offsets.shape[0]):
+        cost[:, j] = p.weight_reference * (offsets[j] - p.reference) ** 2
+    half_step = 0.5 * LATERAL_STEP
+    hard = p.half_width + p.buffer
+    soft = hard + p.margin
+    for m in range(polygons.shape[0]):
+        begin, end = polygons[m, :, 0].min(), polygons[m, :, 0].max()
+        low_all, high_all = polygons[m, :, 1].min(), polygons[m, :, 1].max()
+        for i in range(stations.shape[0]):
+            half_layer = 0.5 * (stations[min(i + 1, stations.shape[0] - 1)] - stations[max(i - 1, 0)]) * 0.5
+            shift = speeds[m] * stations[i] / speed
+            along = max(begin + shift - stations[i] - p.front, stations[i] - p.rear - end - shift, 0.0)
+            if along > p.safe_distance + half_layer:
+                continue
+            low, high = lateral_interval(
+                polygons[m], shift, stations[i] - p.rear - half_layer, stations[i] + p.front + half_layer
+            )
+            inside = low <= high
+            if not inside:
+                low, high = low_all, high_all
+            for j in range(offsets.shape[0]):
+                gap = max(low - offsets[j], offsets[j] - high, 0.0)
+                across = max(gap - soft, 0.0)
+                if along * along + across * across < p.safe_distance**2:
+                    distance = math.sqrt(along * along + across * across)
+                    cost[i, j] += p.weight_obstacle * (p.safe_distance - distance) ** 2
+                if inside:
+                    if gap < soft:
+                        cost[i, j] += NEAR_COST
+                    if gap < hard - half_step:
+                        cost[i, j] += BLOCKED_COST
+                    if gap < p.half_width - half_step:
+                        cost[i, j] += COLLISION_COST
+                    if committed[m] * (offsets[j] - 0.5 * (low + high)) < 0.0:
+                        cost[i, j] += p.hysteresis
+    return cost
+
+
+@njit(cache=True, nogil=True)
+def shortest_path(cost, first_weight, weight, reach, start, start_reach):
+    """Path of least cost through all layers, exactly.
+
+    Args:
+        cost: Node costs, shape (S, L).
+        first_weight, weight: Of the squared lateral step, in nodes, into the first layer and between layers.
+        reach: Largest lateral step (8), in nodes.
+        start: Lateral position before the first layer, in nodes (need not be whole).
+        start_reach: Largest first step, in nodes.
+
+    Returns:
+        Node index per layer, shape (S,), and the least cost; infinite if (8) admits no path.
+    """
+    layers, lateral = cost.shape
+    best = np.full(lateral, np.inf)
+    for j in range(lateral):
+        step = j - start
+        if abs(step) <= start_reach:
+            best[j] = first_weight * step * step + cost[0, j]
+    choice = np.zeros((layers, lateral), np.int16)
+    for i in range(1, layers):
+        following = np.full(lateral, np.inf)
+        for k in range(-reach, reach + 1):
+            extra = weight * k * k
+            for j in range(max(0, -k), min(lateral, lateral - k)):
+                value = best[j + k] + extra
+                if value < following[j]:
+                    following[j] = value
+                    choice[i, j] = k
+        best = following + cost[i]
+    path = np.empty(layers, np.int64)
+    path[-1] = best.argmin()
+    for i in range(layers - 1, 0, -1):
+        path[i - 1] = path[i] + choice[i, path[i]]
+    return path, best.min()
+
+
+@njit(cache=True, nogil=True)
+def plan_path(station, offset, speed, polygons, speeds, committed, p):
+    """Search the best path from the car on and the corridor around it.
+
+    Args:
+        station, offset: s and l of the car, in [m].
+        speed: In [m/s].
+        polygons, speeds: Obstacles relative to the car, shapes (M, 8, 2) and (M,), in [m] and [m/s].
+        committed: Passing sides kept from the step before, 0 for none, shape (M,).
+        p: PlannerSettings.
+
+    Returns:
+        The fields of `PlannedPath`.
+    """
+    pace = max(speed, 1.0)
+    spacing = max(MIN_SPACING, SPACING_TIME * round(pace))
+    first = (math.floor(station / spacing + 1.5)) * spacing - station
+    stations = first + spacing * np.arange(LAYERS)
+    hard = p.half_width + p.buffer
+    lowest = math.ceil((p.right_edge + hard) / LATERAL_STEP)
+    highest = math.floor((p.left_edge - hard) / LATERAL_STEP)
+    narrow = lowest > highest
+    if narrow:
+        lowest = highest = round(0.5 * (p.right_edge + p.left_edge) / LATERAL_STEP)
+    offsets = LATERAL_STEP * np.arange(lowest, highest + 1)
+
+    cost = node_costs(stations, offsets, pace, polygons, speeds, committed, p)
+    start = offset / LATERAL_STEP - lowest
+    reach = max(int(p.max_slope * spacing / LATERAL_STEP + 1e-9), 1)
+    outside = max(-start, start - (highest - lowest), 0.0)
+    start_reach = max(p.max_slope * first / LATERAL_STEP, 1.0) + outside
+    weight = p.weight_continuity * (LATERAL_STEP * pace) ** 2
+    nodes, least = shortest_path(cost, weight / first**2, weight / spacing**2, reach, start, start_reach)
+
+    path_stations = np.empty(LAYERS + 1)
+    path = np.empty(LAYERS + 1)
+    path_stations[0], path[0] = 0.0, offset
+    path_stations[1:], path[1:] = stations, offsets[nodes]
+    sides, blocker = _passing_sides(path_stations, path, pace, polygons, speeds, p)
+    if narrow and blocker < 0:
+        blocker = -2
+    reach_along = np.full(LAYERS + 1, 0.5 * (p.front + p.rear))
+    right, left = corridor_bounds(
+        path_stations + 0.5 * (p.front - p.rear), path_stations / pace, reach_along,
+        polygons, speeds, sides, p.right_edge, p.left_edge,
+    )  # fmt: skip
+    return path_stations, path, right + hard, left - hard, sides, least, blocker
+
+
+@njit(cache=True, nogil=True)
+def _passing_sides(stations, path, pace, polygons, speeds, p):
+    """Side on which the path passes each obstacle, and the first obstacle that it cannot pass."""
+    sides = np.zeros(polygons.shape[0], np.int64)
+    blocker, blocked_at = -1, math.inf
+    for m in range(polygons.shape[0]):
+        nearest, best = 0, math.inf
+        centre, middle = 0.5 * (polygons[m, 0, 0] + polygons[m, 4, 0]), 0.5 * (polygons[m, 0, 1] + polygons[m, 4, 1])
+        beside, hit_at = True, math.inf
+        for i in range(stations.shape[0]):
+            shift = speeds[m] * stations[i] / pace
+            if abs(stations[i] - centre - shift) < best:
+                best, nearest = abs(stations[i] - centre - shift), i
+            low, high = lateral_interval(polygons[m], shift, stations[i] - p.rear, stations[i] + p.front)
+            gap = max(low - path[i], path[i] - high) if low <= high else math.inf
+            # within the buffer from the start on: beside it already, not blocked by it
+            beside = beside and gap < p.half_width + p.buffer
+            limit = p.half_width if beside else p.half_width + p.buffer
+            if gap < limit - 0.5 * LATERAL_STEP and stations[i] < hit_at:
+                hit_at = stations[i]
+        sides[m] = 1 if path[nearest] >= middle else -1
+        if hit_at < math.inf:
+            sides[m] = 0
+            if hit_at < blocked_at:
+                blocker, blocked_at = m, hit_at
+    return sides, blocker

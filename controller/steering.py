@@ -1,0 +1,220 @@
+"""The stepping controller: state in, steering command out."""
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sidestep.controller.config import ControllerConfig
+from sidestep.controller.corridor import footprint_bounds, obstacle_polygons, path_reference
+from sidestep.controller.mpc import Mpc, MpcWeights, Solution
+from sidestep.controller.paper import PaperMpc
+from sidestep.controller.plan import Plan
+from sidestep.controller.planner import PlannedPath, PlannerSettings, plan_path
+from sidestep.controller.stopping import approach_speed, braking_needed
+from sidestep.plant_models.obstacle import Obstacle
+from sidestep.plant_models.road import ReferencePath
+from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
+from sidestep.plant_models.vehicle import VehicleParameters
+
+Array = NDArray[np.float64]
+
+FEASIBLE_SLACK = 1e-3
+"""Corridor slack up to which a step counts as feasible, in [m]."""
+SHIFTED_PLAN_TIME = 0.2
+"""How long the last good plan is followed when the QP fails, in [s]; longer than that is a FAULT."""
+STANDSTILL = 0.1
+"""Speed below which the wheels are not turned, in [m/s]."""
+
+
+class SteeringController:
+    """Corridor planner and MPC behind `reset` and `step`.
+
+    Deterministic: the same states give the same commands, bit for bit. Nothing raises in `step`:
+    what goes wrong shows in the command's status and in `plan`.
+    """
+
+    def __init__(self, vehicle: VehicleParameters, path: ReferencePath, obstacles: Sequence[Obstacle] = (),
+                 config: ControllerConfig | None = None):  # fmt: skip
+        self.vehicle, self.path, self.config = vehicle, path, config or ControllerConfig()
+        self.obstacles = tuple(obstacles)
+        self._boxes = np.array(
+            [(o.s, o.l, o.length, o.width, o.heading, o.speed) for o in self.obstacles], dtype=np.float64
+        ).reshape(-1, 6)
+        self._literal = self.config.formulation == "paper"
+        self._mpc = _paper_mpc(vehicle, self.config) if self._literal else _corridor_mpc(vehicle, self.config)
+        self._levers = (0.0, 0.0) if self._literal else (vehicle.front_extent, -vehicle.rear_extent)
+        self._steps = np.diff(self._mpc.times, prepend=0.0)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything that was kept from earlier steps."""
+        self.plan: Plan | None = None
+        self._good: Plan | None = None
+        self._command: SteeringCommand | None = None
+        self._station: float | None = None
+        self._cruise = self.config.cruise_speed
+        self._sides = np.zeros(len(self.obstacles), dtype=np.int64)
+
+    def step(self, state: VehicleState) -> SteeringCommand:
+        """Plan, predict, optimise.
+
+        Args:
+            state: Newest state; times must grow from call to call.
+
+        Returns:
+            The command to hold until the next step. A state that is not finite or not newer than the
+            last one is answered from the last good plan and never reaches the solver.
+        """
+        began = time.perf_counter()
+        last = self._command
+        if state.is_finite() and (last is None or state.time > last.time):
+            plan = self._track(state)
+        else:
+            plan = self._fall_back(last.time + self.config.period if last else 0.0, "INPUT")
+        self.plan = replace(plan, step_us=1e6 * (time.perf_counter() - began))
+        self._command = SteeringCommand(plan.time, float(plan.states[1, 5]), plan.target_speed, plan.status)
+        return self._command
+
+    def _track(self, state: VehicleState) -> Plan:
+        began = time.perf_counter()
+        v = state.v_x
+        if self._cruise is None:
+            self._cruise = v
+        s, l, heading = self.path.project(state.x, state.y, self._station)  # noqa: E741
+        self._station = s
+        held = self._command.steer_angle if self._command else state.steer_angle
+        x0 = np.array([
+            l, math.remainder(state.yaw - heading, math.tau), state.v_y / max(v, 1.0), state.yaw_rate,
+            state.steer_angle, held,
+        ])  # fmt: skip
+
+        boxes = self._boxes_ahead(s, state.time)
+        polygons = obstacle_polygons(boxes, self.path.curvature(s + boxes[:, 0]))
+        planned = PlannedPath(*plan_path(s, l, v, polygons, boxes[:, 5], self._sides, self._planner_settings(v)))
+        self._sides = planned.sides
+        stop_distance, target = self._longitudinal(planned.blocker, polygons, boxes, v)
+        plan_us = 1e6 * (time.perf_counter() - began)
+
+        stations = max(v, 0.0) * self._mpc.times
+        curvature = self.path.curvature(s + stations)
+        offset, slope = path_reference(planned.stations, planned.offsets, stations, max(1.0, 0.3 * v))
+        if self._literal:
+            offset, slope = np.full_like(offset, self.config.reference_offset), np.zeros_like(slope)
+        bounds = footprint_bounds(
+            stations, self._mpc.times, 0.5 * v * self._steps + self.config.buffer, self._levers,
+            0.5 * self.vehicle.width + self.config.buffer, self._predicted_turn(state), curvature,
+            polygons, boxes[:, 5], planned.sides, -self.config.width_right, self.config.width_left,
+        )  # fmt: skip
+        solution = self._mpc.solve(x0, v, offset, slope, v * curvature, bounds)
+        plan = self._plan(state.time, s, v, planned, solution, stop_distance, target, plan_us)
+        if not solution.solved or not np.isfinite(solution.states).all():
+            return self._fall_back(state.time, solution.status, plan)
+        if v < STANDSTILL:
+            plan.states[1:, 5] = held
+        self._good = plan
+        return plan
+
+    def _boxes_ahead(self, s: float, now: float) -> Array:
+        boxes = self._boxes.copy()
+        boxes[:, 0] += boxes[:, 5] * now - s
+        if self.path.closed:
+            boxes[:, 0] -= self.path.length * np.round(boxes[:, 0] / self.path.length)
+        return boxes
+
+    def _planner_settings(self, v: float) -> PlannerSettings:
+        c, car = self.config, self.vehicle
+        return PlannerSettings(
+            front=car.front_extent, rear=car.rear_extent, half_width=0.5 * car.width, buffer=c.buffer,
+            margin=c.margin_time * max(v, 0.0), safe_distance=c.safe_distance, reference=c.reference_offset,
+            right_edge=-c.width_right, left_edge=c.width_left, weight_reference=c.weight_reference,
+            weight_continuity=c.weight_continuity, weight_obstacle=c.weight_obstacle, hysteresis=c.side_hysteresis,
+            max_slope=min(c.max_slope, c.max_lateral_speed / max(v, 1.0)),
+        )  # fmt: skip
+
+    def _longitudinal(self, blocker: int, polygons: Array, boxes: Array, v: float) -> tuple[float, float]:
+        """Free distance before the blocker and the speed to hold."""
+        cruise = self._cruise or 0.0
+        if blocker == -1:
+            return math.inf, cruise
+        distance, speed = 0.0, 0.0
+        if blocker >= 0:
+            distance = float(polygons[blocker, :, 0].min()) - self.vehicle.front_extent - self.config.standstill_gap
+            speed = float(boxes[blocker, 5])
+        braking = braking_needed(v, speed, distance, self.config.comfort_braking, self.vehicle.max_braking)
+        return max(distance, 0.0), min(cruise, approach_speed(distance, speed, braking))
+
+    def _predicted_turn(self, state: VehicleState) -> Array:
+        """Curvature of the path that the last good plan predicted, at the nodes of this one, in [1/m]."""
+        good, times = self._good, self._mpc.times
+        if good is None:
+            return np.zeros(len(times))
+        return np.interp(times + state.time - good.time, good.states_time, good.states[:, 3]) / max(state.v_x, 1.0)
+
+    def _plan(self, now: float, s: float, v: float, planned: PlannedPath, solution: Solution,
+              stop_distance: float, target: float, plan_us: float) -> Plan:  # fmt: skip
+        feasible = solution.solved and solution.slack_corridor <= FEASIBLE_SLACK
+        status = Status.TRACKING if feasible and solution.slack_slip <= FEASIBLE_SLACK else Status.DEGRADED
+        times = np.concatenate([[0.0], self._mpc.times])
+        return Plan(
+            time=now, status=Status.BLOCKED if planned.blocker != -1 else status,
+            s=s + planned.stations, l=planned.offsets, left=planned.left, right=planned.right,
+            states=solution.states, states_s=s + v * times, states_time=times,
+            solver_status=solution.status, iterations=solution.iterations,
+            primal_residual=solution.primal_residual, dual_residual=solution.dual_residual,
+            slack_corridor=solution.slack_corridor, slack_slip=solution.slack_slip, feasible=feasible,
+            plan_us=plan_us, build_us=solution.build_us, solve_us=solution.solve_us, step_us=0.0,
+            stop_distance=stop_distance, target_speed=target, sides=tuple(planned.sides.tolist()),
+        )  # fmt: skip
+
+    def _fall_back(self, now: float, solver_status: str, failed: Plan | None = None) -> Plan:
+        """The last good plan shifted to now; when that is too old, hold the angle and slow down."""
+        good, last = self._good, self._command
+        age = now - good.time if good else math.inf
+        base = failed or good or self._empty_plan()
+        held = last.steer_angle if last else 0.0
+        if good is not None and age <= SHIFTED_PLAN_TIME:
+            later = good.states_time + age
+            states = np.column_stack([np.interp(later, good.states_time, column) for column in good.states.T])
+            status, target = Status.DEGRADED, min(base.target_speed, good.target_speed)
+        else:
+            states = base.states.copy()
+            states[:, 4:] = held
+            slower = (last.target_speed if last else 0.0) - self.config.comfort_braking * self.config.period
+            status, target = Status.FAULT, max(slower, 0.0)
+        return replace(
+            base, time=now, status=status, states=states, solver_status=solver_status, feasible=False,
+            target_speed=target,
+        )  # fmt: skip
+
+    def _empty_plan(self) -> Plan:
+        times = np.concatenate([[0.0], self._mpc.times])
+        nothing = np.zeros(0)
+        return Plan(
+            time=0.0, status=Status.FAULT, s=nothing, l=nothing, left=nothing, right=nothing,
+            states=np.zeros((len(times), 6)), states_s=np.zeros(len(times)), states_time=times,
+            solver_status="", iterations=0, primal_residual=0.0, dual_residual=0.0, slack_corridor=0.0,
+            slack_slip=0.0, feasible=False, plan_us=0.0, build_us=0.0, solve_us=0.0, step_us=0.0,
+        )  # fmt: skip
+
+
+def _corridor_mpc(vehicle: VehicleParameters, c: ControllerConfig) -> Mpc:
+    weights = MpcWeights(
+        c.weight_offset, c.weight_lateral_speed, c.weight_acceleration, c.weight_jerk, c.weight_rate,
+        c.corridor_penalty, c.slip_penalty,
+    )  # fmt: skip
+    car = np.array([
+        vehicle.mass, vehicle.yaw_inertia, vehicle.l_f, vehicle.l_r, vehicle.cornering_stiffness_front,
+        vehicle.cornering_stiffness_rear, vehicle.steer_time_constant,
+    ])  # fmt: skip
+    return Mpc(
+        car, vehicle.front_extent, vehicle.rear_extent, c.period, weights, c.max_slip * c.friction,
+        vehicle.steer_limit, vehicle.steer_rate_limit,
+    )  # fmt: skip
+
+
+def _paper_mpc(vehicle: VehicleParameters, c: ControllerConfig) -> PaperMpc:
+    return PaperMpc(vehicle, c.weight_steer, c.max_lateral_acceleration)
