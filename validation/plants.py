@@ -1,0 +1,81 @@
+"""The plant that a scenario asks for."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Self
+
+from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.plant import Plant
+from sidestep.plant_models.signals import SteeringCommand, VehicleState
+from sidestep.validation.scenario import Scenario
+from sidestep.validation.tables import did_you_mean
+
+PLANT_KINDS = ("linear", "single-track", "mujoco")
+"""Plants that come with the package; the path of an .fmu file is one more."""
+
+
+def open_plant(scenario: Scenario) -> Plant:
+    """Build the plant of `scenario.plant`; heavy libraries are loaded only for the plant that needs them.
+
+    Raises:
+        InputError: Unknown plant, missing or broken FMU or mapping, or a setting that the plant has not.
+        PlantError: The plant cannot be built (no C compiler for the native FMU, say).
+    """
+    offset = scenario.plant.steer_offset
+    plant = _bare_plant(scenario)
+    return MisalignedSteering(plant, offset) if offset else plant
+
+
+def _bare_plant(scenario: Scenario) -> Plant:
+    settings, vehicle = scenario.plant, scenario.vehicle
+    if settings.map and not settings.kind.endswith(".fmu"):
+        raise InputError("plant.map", f"{settings.map!r} without an FMU", "only with an .fmu file as plant")
+    if settings.kind == "linear":
+        from sidestep.plant_models.linear_plant import LinearPlant
+
+        if not math.isclose(settings.friction, 1.0):
+            raise InputError("plant.friction", f"{settings.friction}: linear tyres do not slide", "1.0")
+        return LinearPlant(vehicle)
+    if settings.kind == "single-track":
+        from sidestep.fmu.fmu_plant import FmuPlant
+
+        return FmuPlant.native(vehicle, friction=settings.friction)
+    if settings.kind == "mujoco":
+        from sidestep.plant_models.mujoco_plant import MujocoPlant
+
+        return MujocoPlant(vehicle, path=scenario.path, obstacles=scenario.obstacles, friction=settings.friction)
+    if settings.kind.endswith(".fmu"):
+        from sidestep.fmu.fmu_plant import FmuPlant
+
+        return FmuPlant.from_file(Path(settings.kind), Path(settings.map) if settings.map else None, vehicle)
+    problem = f"unknown plant {settings.kind!r}{did_you_mean(settings.kind, PLANT_KINDS)}"
+    raise InputError("plant.kind", problem, f"{', '.join(PLANT_KINDS)}, or an .fmu file")
+
+
+class MisalignedSteering:
+    """A plant whose wheels stand `offset` [rad] to the left of where they are told to, unknown to its measurement."""
+
+    def __init__(self, plant: Plant, offset: float):
+        self.plant, self.offset = plant, offset
+
+    def reset(self, state: VehicleState) -> VehicleState:
+        """Reset the plant behind; the measured angle is the true one less the offset."""
+        return self._measured(self.plant.reset(replace(state, steer_angle=state.steer_angle + self.offset)))
+
+    def step(self, command: SteeringCommand, dt: float) -> VehicleState:
+        """Step the plant behind with the angle displaced."""
+        return self._measured(self.plant.step(replace(command, steer_angle=command.steer_angle + self.offset), dt))
+
+    def _measured(self, state: VehicleState) -> VehicleState:
+        return replace(state, steer_angle=state.steer_angle - self.offset)
+
+    def close(self) -> None:
+        """Close the plant behind."""
+        self.plant.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()

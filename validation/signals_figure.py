@@ -1,0 +1,134 @@
+"""Signals over time, after the paper's Fig. 5: steering with its limits, states, acceleration, step times."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from sidestep.plant_models.signals import Status
+from sidestep.plant_models.vehicle import GRAVITY
+from sidestep.validation.judge import Judgement
+from sidestep.validation.recording import Array, Recording
+from sidestep.validation.scenario import Scenario
+from sidestep.validation.style import BLUE, FAINT, GREEN, INK, ORANGE, PURPLE, RED, panel, styled
+
+
+def signals_figure(scenario: Scenario, recording: Recording, judgement: Judgement) -> Figure:
+    """Steering angle and rate, lateral offset, angles, yaw rate, a_y, speed; and how long the steps took."""
+    with styled():
+        figure = Figure(figsize=(11.0, 9.0), layout="constrained")
+        axes = list(figure.subplots(4, 2).flat)
+        _steering(axes[0], axes[1], scenario, recording)
+        _offset(axes[2], scenario, recording)
+        _states(axes[3:7], scenario, recording)
+        _step_times(axes[7], scenario, recording)
+        for timeline in axes[:7]:
+            timeline.set_xlim(recording["time"][0], max(recording["time"][-1], 0.1))
+            _marks(timeline, recording, judgement)
+        for timeline in axes[5:7]:
+            timeline.set_xlabel("time  [s]")
+    return figure
+
+
+def compared_signals(runs: Sequence[tuple[str, str, Recording]]) -> Figure:
+    """Steering angle and lateral acceleration of several runs; `runs` holds name, colour and recording."""
+    with styled():
+        figure = Figure(figsize=(11.0, 2.4), layout="constrained")
+        left, right = figure.subplots(1, 2)
+        for name, colour, recording in runs:
+            left.plot(recording["time"], _degrees(recording["steer_angle"]), color=colour, label=name)
+            right.plot(recording["time"], recording["lateral_acceleration"], color=colour, label=name)
+        panel(left, "Steering angle", "deg")
+        panel(right, "Lateral acceleration", "m/s²")
+        for axes in (left, right):
+            axes.set_xlabel("time  [s]")
+    return figure
+
+
+def _degrees(values: Array) -> Array:
+    return np.degrees(values)
+
+
+def _limits(axes: Axes, limit: float | Array, time: Array, label: str) -> None:
+    for sign in (1.0, -1.0):
+        axes.plot(time, np.full_like(time, sign) * limit, color=RED, linestyle="--", linewidth=1.0,
+                  label=label if sign > 0.0 else None)  # fmt: skip
+
+
+def _steering(angle: Axes, rate: Axes, scenario: Scenario, recording: Recording) -> None:
+    time, vehicle = recording["time"], scenario.vehicle
+    panel(angle, "Steering angle of the road wheels", "deg")
+    angle.plot(time, _degrees(recording["steer_command"]), color=ORANGE, drawstyle="steps-post", label="commanded")
+    angle.plot(time, _degrees(recording["steer_angle"]), color=BLUE, label="realised")
+    bound = np.arctan(
+        vehicle.wheelbase * scenario.controller.max_lateral_acceleration / np.maximum(recording["v_x"], 1.0) ** 2
+    )
+    most = float(np.degrees(np.abs(recording["steer_command"]).max(initial=0.0)))
+    _limits(angle, _degrees(np.minimum(bound, vehicle.steer_limit)), time, "limit of Eq. (14)")
+    reach = 1.15 * max(most, math.degrees(float(min(bound[0], vehicle.steer_limit))))
+    angle.set_ylim(-reach, reach)
+    angle.legend(loc="upper right", ncols=3)
+    panel(rate, "Steering rate", "deg/s")
+    rate.plot(time, _degrees(recording["steer_rate"]), color=BLUE)
+    _limits(rate, math.degrees(vehicle.steer_rate_limit), time, "actuator's limit")
+    rate.legend(loc="upper right")
+
+
+def _offset(axes: Axes, scenario: Scenario, recording: Recording) -> None:
+    config = scenario.controller
+    panel(axes, "Lateral offset", "m")
+    if recording.plans:
+        met = np.array([(p.time, p.right[0], p.left[0]) for p in recording.plans])
+        right, left = (np.clip(met[:, i], -config.width_right, config.width_left) for i in (1, 2))
+        axes.fill_between(met[:, 0], right, left, color=GREEN, alpha=0.2, linewidth=0.0, step="post", label="corridor")
+    axes.plot(recording["time"], recording["l"], color=BLUE, label="centre of gravity")
+    axes.legend(loc="upper right", ncols=2)
+
+
+def _states(axes: Sequence[Axes], scenario: Scenario, recording: Recording) -> None:
+    time = recording["time"]
+    angles, yaw_rate, acceleration, speed = axes
+    panel(angles, "Heading error and sideslip", "deg")
+    angles.plot(time, _degrees(recording["heading_error"]), color=BLUE, label="heading error")
+    sideslip = np.arctan2(recording["v_y"], np.maximum(recording["v_x"], 0.1))
+    angles.plot(time, _degrees(sideslip), color=PURPLE, label="sideslip")
+    angles.legend(loc="upper right", ncols=2)
+    panel(yaw_rate, "Yaw rate", "deg/s").plot(time, _degrees(recording["yaw_rate"]), color=BLUE)
+    panel(acceleration, "Lateral acceleration", "m/s²").plot(time, recording["lateral_acceleration"], color=BLUE)
+    grip = scenario.plant.friction * scenario.vehicle.tyre.p_dy1 * GRAVITY
+    if scenario.plant.kind != "linear":
+        _limits(acceleration, grip, time, "tyres' peak")
+        acceleration.legend(loc="upper right")
+    panel(speed, "Speed", "m/s")
+    speed.plot(time, recording["target_speed"], color=ORANGE, drawstyle="steps-post", label="target")
+    speed.plot(time, recording["v_x"], color=BLUE, label="driven")
+    low, high = speed.get_ylim()
+    speed.set_ylim(min(low, 0.8 * scenario.speed), max(high, 1.1 * scenario.speed))
+    speed.legend(loc="lower right", ncols=2)
+
+
+def _step_times(axes: Axes, scenario: Scenario, recording: Recording) -> None:
+    panel(axes, "Controller steps by their computing time", "µs")
+    times = recording.steps["step_time"]
+    if not len(times):
+        return
+    low, high = times.min(), max(times.max(), times.min() * 1.1)
+    axes.hist(times, bins=np.geomspace(low, high, 50).tolist(), color=BLUE, alpha=0.75)
+    axes.set_xscale("log")
+    for value, name, colour in zip(np.percentile(times, (50, 99)), ("median", "p99"), (INK, RED), strict=True):
+        axes.axvline(value, color=colour, linewidth=1.2, label=f"{name} {value:.0f} µs")
+    axes.legend(loc="upper right", title=f"period {1e6 * scenario.controller.period:.0f} µs", title_fontsize=8)
+
+
+def _marks(axes: Axes, recording: Recording, judgement: Judgement) -> None:
+    """A dotted line at the closest approach; a tint where the controller was not simply tracking."""
+    if judgement.time is not None:
+        axes.axvline(judgement.time, color=FAINT, linestyle=":", linewidth=1.4, zorder=0)
+    low, high = axes.get_ylim()
+    worse = recording["status"] > Status.TRACKING
+    axes.fill_between(
+        recording["time"], low, high, where=worse.tolist(), color=ORANGE, alpha=0.12, linewidth=0.0, zorder=0
+    )
+    axes.set_ylim(low, high)

@@ -1,0 +1,71 @@
+"""One look for every figure: colour-blind safe (Okabe and Ito), and inline SVG that follows the page's theme."""
+
+import io
+import re
+from contextlib import AbstractContextManager
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+BLUE, ORANGE, GREEN, RED, PURPLE, SKY = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9"
+INK, FAINT, ROAD, PAPER = "#24292f", "#c3c9d0", "#eceff2", "#fefefe"
+"""Theme colours: `svg` hands them over to the page as the CSS variables --ink, --faint, --road and --paper."""
+
+_THEME = {INK: "ink", FAINT: "faint", ROAD: "road", PAPER: "paper"}
+_RC: dict[Any, Any] = {
+    "font.family": "sans-serif",
+    "font.size": 9,
+    "text.color": INK,
+    "axes.edgecolor": FAINT,
+    "axes.facecolor": PAPER,
+    "axes.labelcolor": INK,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.titlepad": 5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": FAINT,
+    "grid.alpha": 0.5,
+    "grid.linewidth": 0.6,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "lines.linewidth": 1.5,
+    "lines.solid_capstyle": "round",
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+    "figure.facecolor": PAPER,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "sidestep",
+}
+
+
+def styled() -> AbstractContextManager[None]:
+    """Context in which figures are made."""
+    return mpl.rc_context(_RC)
+
+
+def panel(axes: Axes, title: str, unit: str) -> Axes:
+    """Title and unit above an axes, in one line."""
+    axes.set_title(f"{title}  [{unit}]")
+    axes.margins(x=0.0)
+    return axes
+
+
+def svg(figure: Figure) -> str:
+    """The figure as an <svg> element to be put into a page; scales with its container."""
+    buffer = io.StringIO()
+    with styled():
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    for colour, name in _THEME.items():
+        text = text.replace(colour, f"var(--{name})")
+    text = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", text, count=1)
+    text = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", text, count=1)
+    return re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)

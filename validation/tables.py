@@ -1,0 +1,129 @@
+"""Tables of a TOML file checked against dataclasses, and overrides by dotted key; every error names its key."""
+
+import difflib
+import math
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import MISSING, fields, is_dataclass
+from types import MappingProxyType
+from typing import Any, get_args, get_type_hints
+
+import msgspec
+
+from sidestep.plant_models.errors import InputError
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """`, did you mean X?` for the closest known word, or nothing."""
+    close = difflib.get_close_matches(word, list(known), n=1)
+    return f", did you mean {close[0]}?" if close else ""
+
+
+def checked(
+    cls: Any,
+    table: Any,
+    where: str = "",
+    partial: bool = False,
+    also: Mapping[str, Any] = MappingProxyType({}),
+    without: Iterable[str] = (),
+) -> dict[str, Any]:
+    """The values of one table, each of the type that the dataclass `cls` gives its field.
+
+    Args:
+        cls: Dataclass whose fields are the keys; nested dataclasses are nested tables.
+        table: What the file holds.
+        where: Dotted key of the table, for the errors.
+        partial: Keys without a default may be missing.
+        also: Further keys and their types; they may be missing.
+        without: Fields that are no keys of the file.
+
+    Returns:
+        Only the keys that the table has; nested tables as dictionaries.
+
+    Raises:
+        InputError: Unknown or missing key, or a value of another type, not finite, or out of its bounds.
+    """
+    if not isinstance(table, dict):
+        raise InputError(where, f"{table!r} is not a table")
+    own = [f for f in fields(cls) if f.name not in set(without)]
+    types = get_type_hints(cls, include_extras=True)
+    hints = {**also, **{f.name: types[f.name] for f in own}}
+    for key in table:
+        if key not in hints:
+            raise InputError(joined(where, key), f"unknown key{did_you_mean(key, hints)}", ", ".join(hints))
+    for f in own:
+        if f.name not in table and not partial and f.default is MISSING and f.default_factory is MISSING:
+            raise InputError(joined(where, f.name), "missing")
+    return {key: _value(hints[key], value, joined(where, key), partial) for key, value in table.items()}
+
+
+def joined(where: str, key: str) -> str:
+    """The dotted key one level down."""
+    return f"{where}.{key}" if where else key
+
+
+def _value(hint: Any, value: Any, where: str, partial: bool) -> Any:
+    nested = next((kind for kind in (hint, *get_args(hint)) if is_dataclass(kind)), None)
+    if nested:
+        return checked(nested, value, where, partial)
+    try:
+        result = msgspec.convert(value, hint)
+    except msgspec.ValidationError as error:
+        raise InputError(where, f"{value!r} cannot be used", _in_words(str(error))) from error
+    if isinstance(result, float) and not math.isfinite(result):
+        raise InputError(where, f"{value}", "a finite number")
+    return result
+
+
+def _in_words(message: str) -> str:
+    """What msgspec expected, in TOML's words."""
+    expected = re.sub(r"Expected `([^`]*)`", lambda kind: _WORDS.get(kind[1], kind[1]), message)
+    return expected.partition(", got")[0]
+
+
+_WORDS = {"float": "a number", "str": "text", "int": "a whole number", "object": "a table", "array": "a list"}
+
+
+def override(tables: dict[str, Any], text: str) -> None:
+    """Set one value in nested tables.
+
+    Args:
+        tables: Changed in place; missing tables are made.
+        text: `key=value`: a dotted key (entries of lists by number) and a TOML value, or a bare string.
+
+    Raises:
+        InputError: Not of that form, or the key leads through a value or an entry that is not there.
+    """
+    key, separator, value = text.partition("=")
+    parts = [part for part in re.split(r"[.\[\]]+", key.strip()) if part]
+    if not separator or not parts:
+        raise InputError("--set", f"{text!r} is not key=value", "a dotted key of the scenario file = a TOML value")
+    target: Any = tables
+    for part in parts[:-1]:
+        target = _entry(target, part, key)
+        if not isinstance(target, dict | list):
+            raise InputError(f"--set {key}", f"{part!r} holds a value, not a table")
+    if isinstance(target, list):
+        target[_index(target, parts[-1], key)] = _toml_value(value)
+    else:
+        target[parts[-1]] = _toml_value(value)
+
+
+def _entry(target: Any, part: str, key: str) -> Any:
+    return target[_index(target, part, key)] if isinstance(target, list) else target.setdefault(part, {})
+
+
+def _index(target: list[Any], part: str, key: str) -> int:
+    if not part.isdigit() or int(part) >= len(target):
+        raise InputError(
+            f"--set {key}", f"no entry {part!r}", f"0 to {len(target) - 1}" if target else "the list is empty"
+        )
+    return int(part)
+
+
+def _toml_value(text: str) -> Any:
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text.strip()
