@@ -14,11 +14,6 @@ from sidestep.plant_models.vehicle import VehicleParameters
 Matrix = NDArray[np.float64]
 
 
-def slip_angles(vehicle: VehicleParameters, speed: float, beta: float, yaw_rate: float, steer: float):
-    """Front and rear slip angle of the linear model, in [rad]; Eq. (2), (3) solved for the forces."""
-    return steer - beta - vehicle.l_f * yaw_rate / speed, -beta + vehicle.l_r * yaw_rate / speed
-
-
 def continuous(vehicle: VehicleParameters, speed: float, curvature: float = 0.0) -> tuple[Matrix, Matrix, Matrix]:
     """A_m (4, 4), B_m (4,) and C_m (4,) of x' = A x + B delta + C. Eq. (5), (6).
 
@@ -59,7 +54,7 @@ def discretise(a: Matrix, inputs: Matrix, dt: float) -> tuple[Matrix, Matrix]:
     n, m = inputs.shape
     block = np.zeros((n + m, n + m))
     block[:n, :n], block[:n, n:] = a, inputs
-    e = expm(block * dt)
+    e = np.asarray(expm(block * dt), dtype=np.float64)
     return e[:n, :n], e[:n, n:]
 
 
