@@ -19,7 +19,9 @@ class ControllerConfig:
         width_left, width_right: Road edges left and right of the reference, in [m].
         reference_offset: l_ref of Eq. (10), in [m].
         buffer: Clearance l_buffer of Eq. (13) to obstacles and road edges, in [m].
-        margin_time: Extra distance that the planner keeps from obstacles, in [m] per [m/s].
+        tightening: Clearance asked on top of the buffer half a second ahead and later, in [m]; what
+            model error and sampling take of it on the way does not end as slack.
+        margin_time: Extra distance that the planner keeps from obstacles on top, in [m] per [m/s].
         safe_distance: d_max of Eq. (12), in [m].
         weight_reference, weight_continuity, weight_obstacle: Of the costs (10), (11) (per squared
             lateral speed) and (12).
@@ -44,6 +46,7 @@ class ControllerConfig:
     width_right: float = 4.0
     reference_offset: float = 0.0
     buffer: float = 0.2
+    tightening: float = 0.03
     margin_time: float = 0.01
     safe_distance: float = 1.0
     weight_reference: float = 1.0

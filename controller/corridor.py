@@ -107,7 +107,7 @@ def footprint_bounds(stations, times, reach, levers, clearance, turn, curvature,
         times: Of those, from now, shape (N,), in [s].
         reach: Each query covers its station -+ reach, shape (N,), in [m].
         levers: Front end (positive) and rear end (negative) from the centre of gravity, in [m].
-        clearance: Half width plus buffer, in [m].
+        clearance: Half width plus buffer, shape (N,), in [m].
         turn: Curvature of the predicted path gamma / v, shape (N,), in [1/m].
         curvature: Of the road at the stations, shape (N,), in [1/m].
         polygons, speeds, sides, right_edge, left_edge: See `corridor_bounds`.
@@ -124,8 +124,8 @@ def footprint_bounds(stations, times, reach, levers, clearance, turn, curvature,
         for k in range(stations.shape[0]):
             inner = turn[k] * (levers[0] - levers[1]) ** 2 / 8.0
             bow = 0.5 * curvature[k] * lever * lever
-            low = right[k] + clearance + max(-inner, 0.0) + bow
-            high = left[k] - clearance - max(inner, 0.0) + bow
+            low = right[k] + clearance[k] + max(-inner, 0.0) + bow
+            high = left[k] - clearance[k] - max(inner, 0.0) + bow
             if low > high:
                 low = high = 0.5 * (low + high)
             bounds[2 * end, k], bounds[2 * end + 1, k] = low, high

@@ -26,6 +26,8 @@ FEASIBLE_SLACK = 1e-3
 """Corridor slack up to which a step counts as feasible, in [m]."""
 SHIFTED_PLAN_TIME = 0.2
 """How long the last good plan is followed when the QP fails, in [s]; longer than that is a FAULT."""
+TIGHTENING_TIME = 0.5
+"""Time ahead from which on the full tightening is asked, in [s]."""
 STANDSTILL = 0.1
 """Speed below which the wheels are not turned, in [m/s]."""
 
@@ -48,6 +50,10 @@ class SteeringController:
         self._mpc = _paper_mpc(vehicle, self.config) if self._literal else _corridor_mpc(vehicle, self.config)
         self._levers = (0.0, 0.0) if self._literal else (vehicle.front_extent, -vehicle.rear_extent)
         self._steps = np.diff(self._mpc.times, prepend=0.0)
+        tightening = 0.0 if self._literal else self.config.tightening
+        self._clearance = (
+            0.5 * vehicle.width + self.config.buffer + tightening * np.minimum(self._mpc.times / TIGHTENING_TIME, 1.0)
+        )
         self.reset()
 
     def reset(self) -> None:
@@ -106,7 +112,7 @@ class SteeringController:
             offset, slope = np.full_like(offset, self.config.reference_offset), np.zeros_like(slope)
         bounds = footprint_bounds(
             stations, self._mpc.times, 0.5 * v * self._steps + self.config.buffer, self._levers,
-            0.5 * self.vehicle.width + self.config.buffer, self._predicted_turn(state), curvature,
+            self._clearance, self._predicted_turn(state), curvature,
             polygons, boxes[:, 5], planned.sides, -self.config.width_right, self.config.width_left,
         )  # fmt: skip
         solution = self._mpc.solve(x0, v, offset, slope, v * curvature, bounds)
@@ -129,7 +135,7 @@ class SteeringController:
         c, car = self.config, self.vehicle
         return PlannerSettings(
             front=car.front_extent, rear=car.rear_extent, half_width=0.5 * car.width, buffer=c.buffer,
-            margin=c.margin_time * max(v, 0.0), safe_distance=c.safe_distance, reference=c.reference_offset,
+            margin=c.tightening + c.margin_time * max(v, 0.0), safe_distance=c.safe_distance, reference=c.reference_offset,
             right_edge=-c.width_right, left_edge=c.width_left, weight_reference=c.weight_reference,
             weight_continuity=c.weight_continuity, weight_obstacle=c.weight_obstacle, hysteresis=c.side_hysteresis,
             max_slope=min(c.max_slope, c.max_lateral_speed / max(v, 1.0)),
