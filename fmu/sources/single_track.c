@@ -1,0 +1,176 @@
+/* Nonlinear single-track car; the equations are in documentation/index.html.
+ *
+ * Signs after ISO 8855: x forward, y left. A positive slip angle makes a force to the left.
+ */
+#include "model.h"
+
+enum { N_INTEGRATED = STEER_ANGLE - FIRST_STATE }; /* the steering actuator is solved exactly instead */
+
+static const double TYRE_RESERVE = 0.9;       /* braking and driving take no more than this part of the peak */
+static const double STANDSTILL_SPEED = 1.0;   /* carcass damping fades out until this speed [m/s] */
+static const double STANDSTILL_DAMPING = 0.05; /* [s] */
+static const double HOLD_SPEED = 0.1;         /* below, the brakes hold the car [m/s] */
+
+typedef struct {
+    double slip_angle, force_x, force_y, deflection_rate;
+} Axle;
+
+typedef struct {
+    Axle front, rear;
+    double acceleration_x, acceleration_y;
+} Motion;
+
+static double clip(double value, double low, double high) {
+    return value < low ? low : value > high ? high : value;
+}
+
+static double larger(double a, double b) { return a > b ? a : b; }
+
+/* Peak factor of one tyre at this load; the guard is the one of plant_models/tyre.py. */
+static double peak_factor(double at_nominal, double change, double load, const double v[]) {
+    return larger(at_nominal + change * (load / v[TYRE_NOMINAL_LOAD] - 1.0), 0.1);
+}
+
+static double cornering_stiffness(double load, const double v[]) {
+    if (v[TYRE_P_KY2] <= 0.0) return v[TYRE_P_KY1] * load;
+    double t = load / (v[TYRE_P_KY2] * v[TYRE_NOMINAL_LOAD]);
+    return v[TYRE_P_KY1] * v[TYRE_NOMINAL_LOAD] * 2.0 * t / (1.0 + t * t); /* = sin(2 atan(t)) */
+}
+
+/* Magic Formula, pure lateral slip, one tyre [N]. */
+static double lateral_force(double slip_angle, double load, const double v[]) {
+    if (load <= 0.0 || v[FRICTION] <= 0.0) return 0.0;
+    double peak = peak_factor(v[TYRE_P_DY1], v[TYRE_P_DY2], load, v) * load * v[FRICTION];
+    double x = cornering_stiffness(load, v) / (v[TYRE_P_CY1] * peak) * slip_angle;
+    return peak * sin(v[TYRE_P_CY1] * atan(x - v[TYRE_P_EY1] * (x - atan(x))));
+}
+
+/* Two tyres under `load` in all, whose wheels move with u, w along and across themselves, asked for `demand`. */
+static Axle axle(double u, double w, double deflection, double load, double demand, const double v[]) {
+    Axle a = {0.0, 0.0, 0.0, 0.0};
+    double speed = sqrt(u * u + w * w), sigma = v[TYRE_RELAXATION_Y];
+    double fading = speed < STANDSTILL_SPEED ? 1.0 - speed / STANDSTILL_SPEED : 0.0;
+    double damping = STANDSTILL_DAMPING * fading * fading;
+    double wheel_load = larger(load / 2.0, 0.0);
+    double peak_x = 2.0 * peak_factor(v[TYRE_P_DX1], v[TYRE_P_DX2], wheel_load, v) * wheel_load * v[FRICTION];
+    a.slip_angle = asin(clip((deflection - damping * w) / sigma, -1.0, 1.0));
+    a.deflection_rate = -w - speed / sigma * deflection;
+    a.force_y = 2.0 * lateral_force(a.slip_angle, wheel_load, v);
+    if (peak_x > 0.0) {
+        double used = clip(demand / peak_x, -TYRE_RESERVE, TYRE_RESERVE);
+        a.force_x = used * peak_x;
+        a.force_y *= sqrt(1.0 - used * used);
+    }
+    return a;
+}
+
+/* Forces on the car in the given state; s points at the integrated states. */
+static Motion motion(const double v[], const double s[], double steer_angle) {
+    Motion result;
+    double m = v[MASS], weight = m * GRAVITY, wheelbase = v[L_F] + v[L_R];
+    double v_x = s[V_X - FIRST_STATE], v_y = s[V_Y - FIRST_STATE], r = s[YAW_RATE - FIRST_STATE];
+    double delta = steer_angle + v[STEER_OFFSET], c = cos(delta), d = sin(delta);
+    double grip = TYRE_RESERVE * v[TYRE_P_DX1] * v[FRICTION] * GRAVITY;
+    double a_x = clip(v[SPEED_GAIN] * (larger(v[TARGET_SPEED], 0.0) - v_x), -v[MAX_BRAKING], v[MAX_ACCELERATION]);
+    a_x = clip(a_x, -grip, grip);
+    double load_f = clip((weight * v[L_R] - m * a_x * v[CG_HEIGHT]) / wheelbase, 0.0, weight);
+    double load_r = weight - load_f;
+    double front_y = v_y + v[L_F] * r, rear_y = v_y - v[L_R] * r;
+    double demand = m * a_x / weight; /* per load: both axles use the same part of their grip */
+    result.front = axle(v_x * c + front_y * d, front_y * c - v_x * d, s[FRONT_DEFLECTION - FIRST_STATE],
+                        load_f, demand * load_f, v);
+    result.rear = axle(v_x, rear_y, s[REAR_DEFLECTION - FIRST_STATE], load_r, demand * load_r, v);
+    double body_x = result.front.force_x * c - result.front.force_y * d;
+    double body_y = result.front.force_x * d + result.front.force_y * c;
+    result.front.force_x = body_x;
+    result.front.force_y = body_y;
+    result.acceleration_x = (body_x + result.rear.force_x) / m;
+    result.acceleration_y = (body_y + result.rear.force_y) / m;
+    return result;
+}
+
+static void derivatives(const double v[], const double s[], double steer_angle, double rate[]) {
+    Motion now = motion(v, s, steer_angle);
+    double c = cos(s[YAW - FIRST_STATE]), d = sin(s[YAW - FIRST_STATE]);
+    double v_x = s[V_X - FIRST_STATE], v_y = s[V_Y - FIRST_STATE], r = s[YAW_RATE - FIRST_STATE];
+    rate[X - FIRST_STATE] = v_x * c - v_y * d;
+    rate[Y - FIRST_STATE] = v_x * d + v_y * c;
+    rate[YAW - FIRST_STATE] = r;
+    rate[V_X - FIRST_STATE] = now.acceleration_x + v_y * r;
+    rate[V_Y - FIRST_STATE] = now.acceleration_y - v_x * r;
+    rate[YAW_RATE - FIRST_STATE] = (v[L_F] * now.front.force_y - v[L_R] * now.rear.force_y) / v[YAW_INERTIA];
+    rate[FRONT_DEFLECTION - FIRST_STATE] = now.front.deflection_rate;
+    rate[REAR_DEFLECTION - FIRST_STATE] = now.rear.deflection_rate;
+}
+
+/* Steering actuator after t seconds: rate limit until the lag asks for less, then exponential. Exact. */
+static double steered(const double v[], double start, double t) {
+    double command = clip(v[STEER_ANGLE_COMMAND], -v[STEER_LIMIT], v[STEER_LIMIT]);
+    double lag = v[STEER_TIME_CONSTANT], rate = v[STEER_RATE_LIMIT];
+    double error = command - start, limited = larger(fabs(error) - lag * rate, 0.0);
+    if (limited >= rate * t) return start + (error > 0.0 ? rate * t : -rate * t);
+    if (lag <= 0.0) return command;
+    double rest = error > 0.0 ? fabs(error) - limited : limited - fabs(error);
+    return command - rest * exp(-(t - (limited > 0.0 ? limited / rate : 0.0)) / lag);
+}
+
+static double steer_rate(const double v[]) {
+    double error = clip(v[STEER_ANGLE_COMMAND], -v[STEER_LIMIT], v[STEER_LIMIT]) - v[STEER_ANGLE];
+    double rate = v[STEER_RATE_LIMIT];
+    if (v[STEER_TIME_CONSTANT] > 0.0) return clip(error / v[STEER_TIME_CONSTANT], -rate, rate);
+    return error > 0.0 ? rate : error < 0.0 ? -rate : 0.0;
+}
+
+/* One step of the classical fourth-order Runge-Kutta method. */
+static void runge_kutta(double v[], double h) {
+    double k1[N_INTEGRATED], k2[N_INTEGRATED], k3[N_INTEGRATED], k4[N_INTEGRATED], s[N_INTEGRATED];
+    double *x = v + FIRST_STATE, start = v[STEER_ANGLE];
+    double middle = steered(v, start, h / 2.0), end = steered(v, start, h);
+    derivatives(v, x, start, k1);
+    for (int i = 0; i < N_INTEGRATED; i++) s[i] = x[i] + h / 2.0 * k1[i];
+    derivatives(v, s, middle, k2);
+    for (int i = 0; i < N_INTEGRATED; i++) s[i] = x[i] + h / 2.0 * k2[i];
+    derivatives(v, s, middle, k3);
+    for (int i = 0; i < N_INTEGRATED; i++) s[i] = x[i] + h * k3[i];
+    derivatives(v, s, end, k4);
+    for (int i = 0; i < N_INTEGRATED; i++) x[i] += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
+    v[STEER_ANGLE] = end;
+}
+
+void model_advance(double v[], double duration) {
+    double steps = larger(ceil(duration / v[INTERNAL_STEP] - 1e-9), 1.0), h = duration / steps;
+    for (double k = 0.0; k < steps; k += 1.0) {
+        int rolled_forward = v[V_X] >= 0.0;
+        runge_kutta(v, h);
+        if (rolled_forward && v[V_X] < 0.0 && v[V_X] * v[V_X] + v[V_Y] * v[V_Y] < HOLD_SPEED * HOLD_SPEED) v[V_X] = 0.0;
+    }
+}
+
+void model_evaluate(double v[]) {
+    Motion now = motion(v, v + FIRST_STATE, v[STEER_ANGLE]);
+    derivatives(v, v + FIRST_STATE, v[STEER_ANGLE], v + DER_X);
+    v[DER_STEER_ANGLE] = steer_rate(v);
+    v[LATERAL_ACCELERATION] = now.acceleration_y;
+    v[FRONT_SLIP_ANGLE] = now.front.slip_angle;
+    v[REAR_SLIP_ANGLE] = now.rear.slip_angle;
+}
+
+/* Deflection of tyres that have rolled like this for long. */
+static double settled(double u, double w, const double v[]) {
+    double speed = sqrt(u * u + w * w);
+    return speed > HOLD_SPEED ? -v[TYRE_RELAXATION_Y] * w / speed : 0.0;
+}
+
+void model_initialise(double v[]) {
+    v[X] = v[X_0];
+    v[Y] = v[Y_0];
+    v[YAW] = v[YAW_0];
+    v[V_X] = v[V_X_0];
+    v[V_Y] = v[V_Y_0];
+    v[YAW_RATE] = v[YAW_RATE_0];
+    v[STEER_ANGLE] = v[STEER_ANGLE_0];
+    double delta = v[STEER_ANGLE] + v[STEER_OFFSET], c = cos(delta), d = sin(delta);
+    double front_y = v[V_Y] + v[L_F] * v[YAW_RATE], rear_y = v[V_Y] - v[L_R] * v[YAW_RATE];
+    v[FRONT_DEFLECTION] = settled(v[V_X] * c + front_y * d, front_y * c - v[V_X] * d, v);
+    v[REAR_DEFLECTION] = settled(v[V_X], rear_y, v);
+}
