@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any, overload
@@ -77,7 +77,7 @@ class ReferencePath:
         closed: Whether the end joins the start.
     """
 
-    table: Array
+    table: Array = field(repr=False)
     closed: bool
 
     def __post_init__(self) -> None:
