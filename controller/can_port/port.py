@@ -1,0 +1,129 @@
+"""The steering port: commands go out as frames, what comes off the bus is what the plant gets."""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from time import monotonic
+from typing import Self
+
+import can
+
+from sidestep.controller.can_port.bus import Bus, resolve_spec
+from sidestep.controller.can_port.e2e import ACCEPTED, CheckStatus, Receiver
+from sidestep.controller.can_port.messages import (
+    MAX_RATE_LIMIT,
+    STEER_CMD,
+    decode_steer_command,
+    encode_steer_command,
+)
+from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.signals import SteeringCommand
+
+CYCLE = STEER_CMD.cycle
+"""Time between two steering commands on the bus, in [s]."""
+
+_PATIENCE = 0.1  # longest wait for our own frame to cross the bus, in [s]
+_USABLE = ACCEPTED | {CheckStatus.INITIAL}
+
+
+class SteeringPort:
+    """Sender and receiver of the steering command in one process, in simulation time.
+
+    What it hands back is the bus's echo of what it sent, never a short cut.
+
+    `transmit` is to be called every `CYCLE` seconds of simulation time.
+
+    Args:
+        spec: Bus, one of `bus.SPECS`; "off" hands every command through.
+        log: Vector BLF file for every frame that was received, stamped with simulation time; None for none.
+        rate_limit: Steering rate limit to send along, in [rad/s].
+        allow_real_bus: Whether the bus may reach hardware.
+
+    Attributes:
+        interface: The bus in use as INTERFACE:CHANNEL, or "off".
+        sent: Commands that the bus took.
+        lost: Commands that were not taken or did not arrive intact.
+        receiver: Check of the received command, with its counts.
+
+    Raises:
+        InputError: The bus or the log cannot be opened.
+    """
+
+    def __init__(
+        self,
+        spec: str = "auto",
+        log: Path | None = None,
+        rate_limit: float = MAX_RATE_LIMIT,
+        allow_real_bus: bool = False,
+    ):
+        self.interface = resolve_spec(spec)
+        self.sent = self.lost = 0
+        self.receiver = Receiver(STEER_CMD.profile, STEER_CMD.length)
+        self._rate_limit = rate_limit
+        self._counter = 0
+        self._held: SteeringCommand | None = None
+        self._message = can.Message(arbitration_id=STEER_CMD.frame_id, dlc=STEER_CMD.length, is_extended_id=False)
+        self._record: Callable[[can.Message], None] | None = None
+        with ExitStack() as resources:
+            if self.interface != "off":
+                self._bus = resources.enter_context(Bus(self.interface, echo=True, allow_real_bus=allow_real_bus))
+                if log is not None:
+                    self._record = resources.enter_context(_open_log(log)).on_message_received
+            self._resources = resources.pop_all()
+
+    def transmit(self, command: SteeringCommand) -> SteeringCommand | None:
+        """Send a command over the bus and return what the plant has to apply.
+
+        Returns:
+            The command as decoded at the far end; the last one if nothing usable arrived; None before the first.
+        """
+        if self.interface == "off":
+            return command
+        data = encode_steer_command(command, self._counter, rate_limit=self._rate_limit)
+        self._counter += 1
+        # bytes, not bytearray: the virtual bus deep-copies the frame, and bytes cost nothing to copy
+        self._message.data = data  # pyright: ignore[reportAttributeAccessIssue]
+        taken = self._bus.send(self._message)
+        self.sent += taken
+        self.lost += not self._receive(command.time, data if taken else None)
+        return self._held
+
+    def close(self) -> None:
+        """Complete the log and leave the bus; a second call does no harm."""
+        self._resources.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+    def _receive(self, time: float, expected: bytes | None) -> bool:
+        """Take in every waiting frame, waiting for the expected one; whether that one was accepted."""
+        accepted = False
+        deadline = 0.0 if expected is None else monotonic() + _PATIENCE
+        while message := self._bus.receive(max(0.0, deadline - monotonic()) if deadline else 0.0):
+            usable = self._accept(message, time)
+            if message.data == expected:
+                accepted, deadline = usable, 0.0
+        return accepted
+
+    def _accept(self, message: can.Message, time: float) -> bool:
+        if self._record:
+            message.timestamp, message.channel = time, 0
+            self._record(message)
+        if message.arbitration_id != STEER_CMD.frame_id:
+            return False
+        if self.receiver.check(message.data) not in _USABLE:
+            return False
+        self._held = decode_steer_command(message.data, time).command
+        return True
+
+
+def _open_log(path: Path) -> can.BLFWriter:
+    try:
+        log = can.BLFWriter(path)
+    except OSError as error:
+        raise InputError(str(path), f"cannot write the CAN log: {error.strerror}") from error
+    log.start_timestamp = 0.0  # else the time of the first frame is taken for zero
+    return log
