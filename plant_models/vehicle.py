@@ -20,10 +20,8 @@ class SuspensionParameters:
     """Chassis data that only multibody plants need (CommonRoad vehicle models, appendix tables).
 
     Attributes:
-        sprung_mass: Sprung mass, in [kg].
-        unsprung_mass_front, unsprung_mass_rear: Unsprung mass PER AXLE, in [kg].
+        unsprung_mass_front, unsprung_mass_rear: Unsprung mass PER AXLE, in [kg]; the rest of the car is sprung.
         roll_inertia, pitch_inertia: Inertia of the sprung mass, in [kg m^2].
-        sprung_height: Height of the sprung mass' centre, in [m].
         spring_front, spring_rear: Wheel rate per wheel, in [N/m].
         damper_front, damper_rear: Damping per wheel, in [N s/m].
         anti_roll_front, anti_roll_rear: Auxiliary roll stiffness per axle, in [N m/rad].
@@ -33,12 +31,10 @@ class SuspensionParameters:
         wheel_spin_inertia: Spin inertia per wheel, in [kg m^2].
     """
 
-    sprung_mass: float
     unsprung_mass_front: float
     unsprung_mass_rear: float
     roll_inertia: float
     pitch_inertia: float
-    sprung_height: float
     spring_front: float
     spring_rear: float
     damper_front: float

@@ -1,0 +1,249 @@
+"""The multibody car as a MuJoCo specification, built from the vehicle data alone.
+
+Free chassis, four vertical suspension slides with spring, damper, bump stops and anti-roll bars, two
+steered front hubs, four wheels. The frame of the body `chassis` is the total centre of gravity of the
+car at rest, so that the default pose is the settled one, standing on the road plane z = 0.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+from mujoco import mjtConDataField, mjtGeom, mjtJoint, mjtObj, mjtSensor, mjtTrn
+
+from sidestep.plant_models.contact_tyre import STATE
+from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.obstacle import Obstacle
+from sidestep.plant_models.vehicle import GRAVITY, SuspensionParameters, VehicleParameters
+
+WHEELS = ("fl", "fr", "rl", "rr")
+"""Front left, front right, rear left, rear right: the order of everything that comes in fours."""
+
+# Ours: what the CommonRoad sets lack. It hardly shows in the motion of the car.
+_TYRE_WIDTH = 0.205  # [m]
+TYRE_DAMPING = 200.0  # vertical, [N s/m]
+_WHEEL_SHARE = 0.6  # of the unsprung mass; the rest is the hub
+_HUB_INERTIA = 0.3  # [kg m^2]
+_TRAVEL = 0.08  # of the suspension, either way, [m]
+_STOP_STIFFNESS, _STOP_DAMPING = 2.0e5, 2.0e3  # [N/m], [N s/m]
+_STEER_STIFFNESS = 8.0e4  # [N m/rad]
+_HULL_BOTTOM, _HULL_TOP, _OBSTACLE_TOP = 0.15, 1.35, 1.5  # [m]
+
+_SOFT = 1e-4  # MuJoCo's least impedance: a constraint this soft is a plain spring and damper
+
+
+@dataclass(frozen=True)
+class Corner:
+    """One wheel station.
+
+    Attributes:
+        name: One of `WHEELS`.
+        x, y: Wheel centre from the centre of gravity, in [m].
+        load: Static wheel load, in [N].
+        height: Wheel centre above the road at that load, in [m].
+        mass: Unsprung mass, in [kg].
+        spring, damper: Wheel rate in [N/m], damping in [N s/m].
+    """
+
+    name: str
+    x: float
+    y: float
+    load: float
+    height: float
+    mass: float
+    spring: float
+    damper: float
+
+
+def suspension_of(vehicle: VehicleParameters) -> SuspensionParameters:
+    """The multibody data of `vehicle`.
+
+    Raises:
+        InputError: It has none.
+    """
+    if vehicle.suspension is None:
+        raise InputError("vehicle.suspension", f"{vehicle.name!r} has none, the MuJoCo car needs it", "a table")
+    return vehicle.suspension
+
+
+def corners(vehicle: VehicleParameters) -> tuple[Corner, ...]:
+    """The four wheel stations in the order of `WHEELS`.
+
+    Raises:
+        InputError: The vehicle has no suspension data.
+    """
+    data, result = suspension_of(vehicle), []
+    for name in WHEELS:
+        front, side = name[0] == "f", 1.0 if name[1] == "l" else -1.0
+        lever = vehicle.l_r if front else vehicle.l_f
+        load = vehicle.mass * GRAVITY * lever / vehicle.wheelbase / 2.0
+        result.append(
+            Corner(
+                name=name,
+                x=vehicle.l_f if front else -vehicle.l_r,
+                y=side * (data.track_front if front else data.track_rear) / 2.0,
+                load=load,
+                height=data.wheel_radius - load / data.tyre_stiffness,
+                mass=(data.unsprung_mass_front if front else data.unsprung_mass_rear) / 2.0,
+                spring=data.spring_front if front else data.spring_rear,
+                damper=data.damper_front if front else data.damper_rear,
+            )
+        )
+    return tuple(result)
+
+
+def car_spec(vehicle: VehicleParameters, obstacles: Sequence[Obstacle] = ()) -> mujoco.MjSpec:
+    """The car on a plane road, with one box per obstacle (`obstacle0` ...) for the caller to place.
+
+    Only the road and the tyres, and the hull and the obstacles, touch each other. The tyre contact is
+    frictionless: it finds the patch and carries the load, shear is the business of `contact_tyre`.
+
+    Raises:
+        InputError: No suspension data, or masses and inertias that no rigid body can have.
+    """
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.option.gravity = [0.0, 0.0, -GRAVITY]
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # a blow-up must show
+    spec.nuserdata = STATE.itemsize // 8
+    spec.worldbody.add_geom(name="road", type=mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], contype=0, conaffinity=0)
+    chassis = _add_chassis(spec, vehicle)
+    for corner in corners(vehicle):
+        _add_corner(spec, chassis, corner, vehicle)
+    _add_anti_roll_bars(spec, suspension_of(vehicle))
+    _add_actuators(spec, suspension_of(vehicle))
+    _add_sensors(spec)
+    for index, obstacle in enumerate(obstacles):
+        body = spec.worldbody.add_body(name=f"obstacle{index}", mocap=True)
+        size = [obstacle.length / 2.0, obstacle.width / 2.0, _OBSTACLE_TOP / 2.0]
+        body.add_geom(
+            name=f"obstacle{index}", type=mjtGeom.mjGEOM_BOX, size=size, pos=[0.0, 0.0, _OBSTACLE_TOP / 2.0],
+            contype=2, conaffinity=2, rgba=[0.8, 0.1, 0.1, 1.0],
+        )  # fmt: skip
+    _calibrate(spec, suspension_of(vehicle))
+    return spec
+
+
+def _add_chassis(spec: mujoco.MjSpec, vehicle: VehicleParameters) -> mujoco.MjsBody:
+    mass, offset, inertia = sprung_body(vehicle)
+    chassis = spec.worldbody.add_body(name="chassis", pos=[0.0, 0.0, vehicle.cg_height])
+    chassis.explicitinertial = True
+    chassis.mass, chassis.inertia, chassis.ipos = mass, inertia, offset
+    chassis.add_freejoint(name="chassis")
+    centre = [(vehicle.front_extent - vehicle.rear_extent) / 2, 0.0, (_HULL_BOTTOM + _HULL_TOP) / 2 - vehicle.cg_height]
+    size = [vehicle.length / 2.0, vehicle.width / 2.0, (_HULL_TOP - _HULL_BOTTOM) / 2.0]
+    chassis.add_geom(
+        name="hull", type=mjtGeom.mjGEOM_BOX, size=size, pos=centre, mass=0.0, contype=2, conaffinity=2,
+        rgba=[0.1, 0.3, 0.7, 0.5],
+    )  # fmt: skip
+    return chassis
+
+
+def sprung_body(vehicle: VehicleParameters) -> tuple[float, list[float], list[float]]:
+    """Sprung mass, its centre from the total centre of gravity (3), its principal inertia (3).
+
+    What is left of the car's total mass, moments and yaw inertia when the wheel stations are taken off.
+
+    Raises:
+        InputError: Nothing is left, or an inertia that no rigid body can have.
+    """
+    data, stations = suspension_of(vehicle), corners(vehicle)
+    mass = vehicle.mass - sum(c.mass for c in stations)
+    if mass <= 0.0:
+        raise InputError("vehicle.mass", f"{vehicle.mass} kg", f"> {vehicle.mass - mass} kg, the unsprung mass")
+    x = -sum(c.mass * c.x for c in stations) / mass
+    z = -sum(c.mass * (c.height - vehicle.cg_height) for c in stations) / mass
+    unsprung = sum(c.mass * (c.x**2 + c.y**2) + _HUB_INERTIA + _across(data) for c in stations)
+    others = unsprung + mass * x**2
+    roll, pitch, yaw = data.roll_inertia, data.pitch_inertia, vehicle.yaw_inertia - others
+    if not abs(pitch - roll) <= yaw <= pitch + roll:
+        allowed = (
+            f"{abs(pitch - roll) + others:.0f} ... {pitch + roll + others:.0f}, from the sprung roll and pitch inertia"
+        )
+        raise InputError("vehicle.yaw_inertia", f"{vehicle.yaw_inertia} kg m^2", allowed)
+    return mass, [x, 0.0, z], [roll, pitch, yaw]
+
+
+def _across(data: SuspensionParameters) -> float:
+    """Inertia of a wheel about its diameter, in [kg m^2]: half the spin inertia for a ring, more for its width."""
+    return 0.6 * data.wheel_spin_inertia
+
+
+def _add_corner(spec: mujoco.MjSpec, chassis: mujoco.MjsBody, corner: Corner, vehicle: VehicleParameters) -> None:
+    data, name = suspension_of(vehicle), corner.name
+    hub = chassis.add_body(name=f"hub_{name}", pos=[corner.x, corner.y, corner.height - vehicle.cg_height])
+    hub.explicitinertial = True
+    hub.mass, hub.inertia, hub.ipos = (1.0 - _WHEEL_SHARE) * corner.mass, [_HUB_INERTIA] * 3, [0.0, 0.0, 0.0]
+    slide = hub.add_joint(name=f"suspension_{name}", type=mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
+    slide.stiffness[0], slide.damping[0] = corner.spring, corner.damper
+    slide.springref = (corner.mass * GRAVITY - corner.load) / corner.spring  # preload: rest is at zero
+    slide.limited, slide.range = mujoco.mjtLimited.mjLIMITED_TRUE, [-_TRAVEL, _TRAVEL]
+    if name[0] == "f":
+        hub.add_joint(name=f"steer_{name}", type=mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
+    wheel = hub.add_body(name=f"wheel_{name}")
+    wheel.explicitinertial = True
+    wheel.mass, wheel.ipos = _WHEEL_SHARE * corner.mass, [0.0, 0.0, 0.0]
+    wheel.inertia = [_across(data), data.wheel_spin_inertia, _across(data)]
+    wheel.add_joint(name=f"spin_{name}", type=mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
+    # An ellipsoid: one contact, where a cylinder gives two and so doubles the stiffness.
+    wheel.add_geom(
+        name=f"tyre_{name}", type=mjtGeom.mjGEOM_ELLIPSOID, mass=0.0, contype=0, conaffinity=0,
+        size=[data.wheel_radius, _TYRE_WIDTH / 2.0, data.wheel_radius], rgba=[0.1, 0.1, 0.1, 1.0],
+    )  # fmt: skip
+    spec.add_pair(name=f"tyre_{name}", geomname1="road", geomname2=f"tyre_{name}", condim=1)
+
+
+def _add_anti_roll_bars(spec: mujoco.MjSpec, data: SuspensionParameters) -> None:
+    for axle, stiffness, track in (
+        ("f", data.anti_roll_front, data.track_front),
+        ("r", data.anti_roll_rear, data.track_rear),
+    ):
+        bar = spec.add_tendon(name=f"anti_roll_{axle}")
+        bar.wrap_joint(f"suspension_{axle}l", 1.0)
+        bar.wrap_joint(f"suspension_{axle}r", -1.0)
+        bar.stiffness[0] = stiffness / track**2
+        bar.springlength = [0.0, 0.0]
+
+
+def _add_actuators(spec: mujoco.MjSpec, data: SuspensionParameters) -> None:
+    damping = 2.0 * math.sqrt(_STEER_STIFFNESS * (_HUB_INERTIA + _across(data)))  # critical
+    for name in WHEELS[:2]:
+        servo = spec.add_actuator(name=f"steer_{name}", target=f"steer_{name}", trntype=mjtTrn.mjTRN_JOINT)
+        servo.set_to_position(kp=_STEER_STIFFNESS, kv=damping)
+    for name in WHEELS:
+        motor = spec.add_actuator(name=f"torque_{name}", target=f"spin_{name}", trntype=mjtTrn.mjTRN_JOINT)
+        motor.set_to_motor()
+
+
+def _add_sensors(spec: mujoco.MjSpec) -> None:
+    """Four tyre patches (fields of `contact_tyre`, 14 numbers each), then whether the hull touches anything."""
+    field = mjtConDataField
+    patch = ("FOUND", "DIST", "POS", "NORMAL", "TANGENT", "LINVEL")
+    bits = sum(1 << int(getattr(field, f"mjCONDATA_{name}")) for name in patch)
+    contact, geom = mjtSensor.mjSENS_CONTACT, mjtObj.mjOBJ_GEOM
+    for name in WHEELS:
+        sensor = spec.add_sensor(
+            name=f"tyre_{name}", type=contact, objtype=geom, objname="road", reftype=geom, refname=f"tyre_{name}"
+        )
+        sensor.intprm[:3] = [bits, 1, 1]  # least distance, one contact
+    hull = spec.add_sensor(name="hull", type=contact, objtype=geom, objname="hull")
+    hull.intprm[:3] = [1 << int(field.mjCONDATA_FOUND), 1, 1]
+
+
+def _calibrate(spec: mujoco.MjSpec, data: SuspensionParameters) -> None:
+    """Give tyre contacts and bump stops their stiffness in [N/m]; MuJoCo scales it by the compiled masses."""
+    model = spec.compile()
+    for name in WHEELS:
+        pair, slide = spec.pair(f"tyre_{name}"), spec.joint(f"suspension_{name}")
+        weight = model.body(f"wheel_{name}").invweight0[0]
+        pair.solref, pair.solimp = _spring(data.tyre_stiffness, TYRE_DAMPING, weight)
+        weight = model.dof_invweight0[model.joint(f"suspension_{name}").dofadr[0]]
+        slide.solref_limit, slide.solimp_limit = _spring(_STOP_STIFFNESS, _STOP_DAMPING, weight)
+
+
+def _spring(stiffness: float, damping: float, inverse_weight: float) -> tuple[list[float], list[float]]:
+    """`solref` and `solimp` of a constraint that acts as this spring and damper."""
+    scale = (1.0 - _SOFT) * inverse_weight  # R d, with R = (1 - d) / d times the inverse weight
+    return [-stiffness * scale, -damping * scale], [_SOFT, _SOFT, 0.001, 0.5, 2.0]
