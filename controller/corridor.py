@@ -9,6 +9,7 @@ import math
 import numpy as np
 from numba import njit
 
+
 @njit(cache=True, nogil=True)
 def obstacle_polygons(boxes, curvature):
     """Outline of boxes in the road frame.

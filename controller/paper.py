@@ -28,6 +28,9 @@ class PaperMpc:
         self.times = STEP * np.arange(1, HORIZON + 1)
         self.problem: Problem | None = None
 
+    def reset(self) -> None:
+        """Nothing is kept from step to step."""
+
     def solve(self, x0: Array, speed: float, path: Array, slope: Array, turn_rate: Array, bounds: Array) -> Solution:
         """Solve (15), (16); see `Mpc.solve`."""
         began = time.perf_counter()
@@ -44,7 +47,7 @@ class PaperMpc:
         states[1:, 4:] = u[:, None]
         excess = np.maximum(p.h_l - p.G @ u, p.G @ u - p.h_u).max()
         return Solution(
-            z=u, states=states, status=str(status).rpartition(".")[2], solved=status == piqp.PIQP_SOLVED,
+            z=u, states=states, status=status.name, solved=status == piqp.PIQP_SOLVED,
             iterations=int(solver.result.info.iter),
             primal_residual=float(solver.result.info.primal_res), dual_residual=float(solver.result.info.dual_res),
             slack_corridor=max(float(excess), 0.0), slack_slip=0.0,

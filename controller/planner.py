@@ -17,17 +17,19 @@ LAYERS = 60
 SPACING_TIME = 1.0 / 15.0
 MIN_SPACING = 0.5
 LATERAL_STEP = 0.08
+FREE, GAP_TOO_NARROW = -1, -2
 NEAR_COST, BLOCKED_COST, COLLISION_COST = 1e2, 1e4, 1e6
 
 
 class PlannerSettings(NamedTuple):
-    """What the search needs to know of car and configuration, in SI units."""
+    """What the search needs to know of car and configuration, see VehicleParameters and ControllerConfig."""
 
     front: float
     rear: float
     half_width: float
     buffer: float
-    margin: float
+    tightening: float
+    margin_time: float
     safe_distance: float
     reference: float
     right_edge: float
@@ -36,6 +38,7 @@ class PlannerSettings(NamedTuple):
     weight_continuity: float
     weight_obstacle: float
     hysteresis: float
+    max_lateral_speed: float
     max_slope: float
 
 
@@ -48,7 +51,8 @@ class PlannedPath(NamedTuple):
         right, left: Corridor (13) for the car's centre, shape (S,), in [m].
         sides: Passing side of each obstacle, +1 left of it, -1 right, 0 in the way, shape (M,).
         cost: Minimum of (9), summed.
-        blocker: Index of the first obstacle in the way, -1 if none; -2 if the road itself is too narrow.
+        blocker: Index of the first obstacle in the way, or FREE or GAP_TOO_NARROW.
+        room: Distance that the car can go before a gap that is too narrow, in [m].
     """
 
     stations: NDArray[np.float64]
@@ -58,6 +62,7 @@ class PlannedPath(NamedTuple):
     sides: NDArray[np.int64]
     cost: float
     blocker: int
+    room: float
 
 
 @njit(cache=True, nogil=True)
@@ -79,7 +84,7 @@ def node_costs(stations, offsets, speed, polygons, speeds, committed, p):
         cost[:, j] = p.weight_reference * (offsets[j] - p.reference) ** 2
     half_step = 0.5 * LATERAL_STEP
     hard = p.half_width + p.buffer
-    soft = hard + p.margin
+    soft = hard + p.tightening + p.margin_time * speed
     for m in range(polygons.shape[0]):
         begin, end = polygons[m, :, 0].min(), polygons[m, :, 0].max()
         low_all, high_all = polygons[m, :, 1].min(), polygons[m, :, 1].max()
@@ -128,27 +133,30 @@ def shortest_path(cost, first_weight, weight, reach, start, start_reach):
         Node index per layer, shape (S,), and the least cost; infinite if (8) admits no path.
     """
     layers, lateral = cost.shape
-    best = np.full(lateral, np.inf)
+    best = np.full((layers, lateral), np.inf)  # least cost up to and with each node
     for j in range(lateral):
         step = j - start
         if abs(step) <= start_reach:
-            best[j] = first_weight * step * step + cost[0, j]
-    choice = np.zeros((layers, lateral), np.int16)
+            best[0, j] = first_weight * step * step + cost[0, j]
     for i in range(1, layers):
-        following = np.full(lateral, np.inf)
+        before, here = best[i - 1], best[i]
         for k in range(-reach, reach + 1):
             extra = weight * k * k
             for j in range(max(0, -k), min(lateral, lateral - k)):
-                value = best[j + k] + extra
-                if value < following[j]:
-                    following[j] = value
-                    choice[i, j] = k
-        best = following + cost[i]
+                here[j] = min(here[j], before[j + k] + extra)
+        for j in range(lateral):
+            here[j] += cost[i, j]
     path = np.empty(layers, np.int64)
-    path[-1] = best.argmin()
+    path[-1] = best[-1].argmin()
     for i in range(layers - 1, 0, -1):
-        path[i - 1] = path[i] + choice[i, path[i]]
-    return path, best.min()
+        least = np.inf
+        for k in range(max(-reach, -path[i]), min(reach, lateral - 1 - path[i]) + 1):
+            value = best[i - 1, path[i] + k] + weight * k * k
+            if value < least:
+                least, path[i - 1] = value, path[i] + k
+        if least == np.inf:
+            path[i - 1] = path[i]
+    return path, best[-1].min()
 
 
 @njit(cache=True, nogil=True)
@@ -179,9 +187,10 @@ def plan_path(station, offset, speed, polygons, speeds, committed, p):
 
     cost = node_costs(stations, offsets, pace, polygons, speeds, committed, p)
     start = offset / LATERAL_STEP - lowest
-    reach = max(int(p.max_slope * spacing / LATERAL_STEP + 1e-9), 1)
+    slope = min(p.max_slope, p.max_lateral_speed / pace)
+    reach = max(int(slope * spacing / LATERAL_STEP + 1e-9), 1)
     outside = max(-start, start - (highest - lowest), 0.0)
-    start_reach = max(p.max_slope * first / LATERAL_STEP, 1.0) + outside
+    start_reach = max(slope * first / LATERAL_STEP, 1.0) + outside
     weight = p.weight_continuity * (LATERAL_STEP * pace) ** 2
     nodes, least = shortest_path(cost, weight / first**2, weight / spacing**2, reach, start, start_reach)
 
@@ -190,21 +199,28 @@ def plan_path(station, offset, speed, polygons, speeds, committed, p):
     path_stations[0], path[0] = 0.0, offset
     path_stations[1:], path[1:] = stations, offsets[nodes]
     sides, blocker = _passing_sides(path_stations, path, pace, polygons, speeds, p)
-    if narrow and blocker < 0:
-        blocker = -2
     reach_along = np.full(LAYERS + 1, 0.5 * (p.front + p.rear))
     right, left = corridor_bounds(
         path_stations + 0.5 * (p.front - p.rear), path_stations / pace, reach_along,
         polygons, speeds, sides, p.right_edge, p.left_edge,
     )  # fmt: skip
-    return path_stations, path, right + hard, left - hard, sides, least, blocker
+    right, left = right + hard, left - hard
+    room = 0.0
+    if blocker < 0:
+        squeezed = right > left + 1e-6
+        for i in range(1, LAYERS + 1):
+            # already squeezed at the start: beside it, not before it
+            if narrow or (squeezed[i] and not squeezed[: i + 1].all()):
+                blocker, room = GAP_TOO_NARROW, path_stations[i - 1]
+                break
+    return path_stations, path, right, left, sides, least, blocker, room
 
 
 @njit(cache=True, nogil=True)
 def _passing_sides(stations, path, pace, polygons, speeds, p):
     """Side on which the path passes each obstacle, and the first obstacle that it cannot pass."""
     sides = np.zeros(polygons.shape[0], np.int64)
-    blocker, blocked_at = -1, math.inf
+    blocker, blocked_at = FREE, math.inf
     for m in range(polygons.shape[0]):
         nearest, best = 0, math.inf
         centre, middle = 0.5 * (polygons[m, 0, 0] + polygons[m, 4, 0]), 0.5 * (polygons[m, 0, 1] + polygons[m, 4, 1])

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sidestep.controller.config import ControllerConfig
-from sidestep.controller.corridor import footprint_bounds, obstacle_polygons, path_reference
-from sidestep.controller.mpc import Mpc, MpcWeights, Solution
+from sidestep.controller.corridor_planner import Corridor, NodeGrid, plan_corridor
+from sidestep.controller.mpc import Limits, Mpc, MpcWeights, Solution
 from sidestep.controller.paper import PaperMpc
 from sidestep.controller.plan import Plan
-from sidestep.controller.planner import PlannedPath, PlannerSettings, plan_path
+from sidestep.controller.planner import FREE, PlannedPath, PlannerSettings
 from sidestep.controller.stopping import approach_speed, braking_needed
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import ReferencePath
@@ -48,12 +48,9 @@ class SteeringController:
         ).reshape(-1, 6)
         self._literal = self.config.formulation == "paper"
         self._mpc = _paper_mpc(vehicle, self.config) if self._literal else _corridor_mpc(vehicle, self.config)
-        self._levers = (0.0, 0.0) if self._literal else (vehicle.front_extent, -vehicle.rear_extent)
-        self._steps = np.diff(self._mpc.times, prepend=0.0)
-        tightening = 0.0 if self._literal else self.config.tightening
-        self._clearance = (
-            0.5 * vehicle.width + self.config.buffer + tightening * np.minimum(self._mpc.times / TIGHTENING_TIME, 1.0)
-        )
+        self._settings = _planner_settings(vehicle, self.config)
+        self._grid = _node_grid(vehicle, self.config, self._mpc.times)
+        self._node_times = np.concatenate([[0.0], self._mpc.times])
         self.reset()
 
     def reset(self) -> None:
@@ -64,6 +61,7 @@ class SteeringController:
         self._station: float | None = None
         self._cruise = self.config.cruise_speed
         self._sides = np.zeros(len(self.obstacles), dtype=np.int64)
+        self._mpc.reset()
 
     def step(self, state: VehicleState) -> SteeringCommand:
         """Plan, predict, optimise.
@@ -78,15 +76,14 @@ class SteeringController:
         began = time.perf_counter()
         last = self._command
         if state.is_finite() and (last is None or state.time > last.time):
-            plan = self._track(state)
+            plan = self._track(state, began)
         else:
             plan = self._fall_back(last.time + self.config.period if last else 0.0, "INPUT")
-        self.plan = replace(plan, step_us=1e6 * (time.perf_counter() - began))
+        self.plan = plan
         self._command = SteeringCommand(plan.time, float(plan.states[1, 5]), plan.target_speed, plan.status)
         return self._command
 
-    def _track(self, state: VehicleState) -> Plan:
-        began = time.perf_counter()
+    def _track(self, state: VehicleState, began: float) -> Plan:
         v = state.v_x
         if self._cruise is None:
             self._cruise = v
@@ -97,83 +94,57 @@ class SteeringController:
             l, math.remainder(state.yaw - heading, math.tau), state.v_y / max(v, 1.0), state.yaw_rate,
             state.steer_angle, held,
         ])  # fmt: skip
-
-        boxes = self._boxes_ahead(s, state.time)
-        polygons = obstacle_polygons(boxes, self.path.curvature(s + boxes[:, 0]))
-        planned = PlannedPath(*plan_path(s, l, v, polygons, boxes[:, 5], self._sides, self._planner_settings(v)))
-        self._sides = planned.sides
-        stop_distance, target = self._longitudinal(planned.blocker, polygons, boxes, v)
-        plan_us = 1e6 * (time.perf_counter() - began)
-
-        stations = max(v, 0.0) * self._mpc.times
-        curvature = self.path.curvature(s + stations)
-        offset, slope = path_reference(planned.stations, planned.offsets, stations, max(1.0, 0.3 * v))
+        corridor = self._plan_corridor(s, l, state)
+        target, stop_distance = self._longitudinal(corridor, v)
+        offset, slope = corridor.offset, corridor.slope
         if self._literal:
             offset, slope = np.full_like(offset, self.config.reference_offset), np.zeros_like(slope)
-        bounds = footprint_bounds(
-            stations, self._mpc.times, 0.5 * v * self._steps + self.config.buffer, self._levers,
-            self._clearance, self._predicted_turn(state), curvature,
-            polygons, boxes[:, 5], planned.sides, -self.config.width_right, self.config.width_left,
-        )  # fmt: skip
-        solution = self._mpc.solve(x0, v, offset, slope, v * curvature, bounds)
-        plan = self._plan(state.time, s, v, planned, solution, stop_distance, target, plan_us)
+        planned = time.perf_counter()
+        solution = self._mpc.solve(x0, v, offset, slope, corridor.turn_rate, corridor.bounds)
+        self._sides = corridor.path.sides
+        if v < STANDSTILL:
+            solution.states[1:, 5] = held
+        plan = self._plan(state, s, corridor.path, solution, stop_distance, target, began, planned)
         if not solution.solved or not np.isfinite(solution.states).all():
             return self._fall_back(state.time, solution.status, plan)
-        if v < STANDSTILL:
-            plan.states[1:, 5] = held
         self._good = plan
         return plan
 
-    def _boxes_ahead(self, s: float, now: float) -> Array:
-        boxes = self._boxes.copy()
-        boxes[:, 0] += boxes[:, 5] * now - s
-        if self.path.closed:
-            boxes[:, 0] -= self.path.length * np.round(boxes[:, 0] / self.path.length)
-        return boxes
-
-    def _planner_settings(self, v: float) -> PlannerSettings:
-        c, car = self.config, self.vehicle
-        return PlannerSettings(
-            front=car.front_extent, rear=car.rear_extent, half_width=0.5 * car.width, buffer=c.buffer,
-            margin=c.tightening + c.margin_time * max(v, 0.0), safe_distance=c.safe_distance, reference=c.reference_offset,
-            right_edge=-c.width_right, left_edge=c.width_left, weight_reference=c.weight_reference,
-            weight_continuity=c.weight_continuity, weight_obstacle=c.weight_obstacle, hysteresis=c.side_hysteresis,
-            max_slope=min(c.max_slope, c.max_lateral_speed / max(v, 1.0)),
+    def _plan_corridor(self, s: float, l: float, state: VehicleState) -> Corridor:  # noqa: E741
+        good = self._good
+        times = good.states_time - (state.time - good.time) if good else self._node_times
+        turn = good.states[:, 3] / max(state.v_x, 1.0) if good else np.zeros(len(times))
+        path, offset, slope, turn_rate, bounds, gap, gap_speed = plan_corridor(
+            s, l, state.v_x, state.time, self._boxes, self.path.table, self.path.period, self._sides,
+            self._settings, self._grid, times, turn,
         )  # fmt: skip
+        return Corridor(PlannedPath(*path), offset, slope, turn_rate, bounds, gap, gap_speed)
 
-    def _longitudinal(self, blocker: int, polygons: Array, boxes: Array, v: float) -> tuple[float, float]:
-        """Free distance before the blocker and the speed to hold."""
+    def _longitudinal(self, corridor: Corridor, v: float) -> tuple[float, float]:
+        """Speed to hold and free distance before what blocks the road."""
         cruise = self._cruise or 0.0
-        if blocker == -1:
-            return math.inf, cruise
-        distance, speed = 0.0, 0.0
-        if blocker >= 0:
-            distance = float(polygons[blocker, :, 0].min()) - self.vehicle.front_extent - self.config.standstill_gap
-            speed = float(boxes[blocker, 5])
-        braking = braking_needed(v, speed, distance, self.config.comfort_braking, self.vehicle.max_braking)
-        return max(distance, 0.0), min(cruise, approach_speed(distance, speed, braking))
+        if corridor.path.blocker == FREE:
+            return cruise, math.inf
+        distance = max(corridor.gap - self.config.standstill_gap, 0.0)
+        braking = braking_needed(
+            v, corridor.gap_speed, distance, self.config.comfort_braking, self.vehicle.max_braking
+        )  # fmt: skip
+        return min(cruise, approach_speed(distance, corridor.gap_speed, braking)), distance
 
-    def _predicted_turn(self, state: VehicleState) -> Array:
-        """Curvature of the path that the last good plan predicted, at the nodes of this one, in [1/m]."""
-        good, times = self._good, self._mpc.times
-        if good is None:
-            return np.zeros(len(times))
-        return np.interp(times + state.time - good.time, good.states_time, good.states[:, 3]) / max(state.v_x, 1.0)
-
-    def _plan(self, now: float, s: float, v: float, planned: PlannedPath, solution: Solution,
-              stop_distance: float, target: float, plan_us: float) -> Plan:  # fmt: skip
+    def _plan(self, state: VehicleState, s: float, path: PlannedPath, solution: Solution, stop_distance: float,
+              target: float, began: float, planned: float) -> Plan:  # fmt: skip
         feasible = solution.solved and solution.slack_corridor <= FEASIBLE_SLACK
         status = Status.TRACKING if feasible and solution.slack_slip <= FEASIBLE_SLACK else Status.DEGRADED
-        times = np.concatenate([[0.0], self._mpc.times])
         return Plan(
-            time=now, status=Status.BLOCKED if planned.blocker != -1 else status,
-            s=s + planned.stations, l=planned.offsets, left=planned.left, right=planned.right,
-            states=solution.states, states_s=s + v * times, states_time=times,
+            time=state.time, status=Status.BLOCKED if path.blocker != FREE else status,
+            s=s + path.stations, l=path.offsets, left=path.left, right=path.right,
+            states=solution.states, states_s=s + state.v_x * self._node_times, states_time=self._node_times,
             solver_status=solution.status, iterations=solution.iterations,
             primal_residual=solution.primal_residual, dual_residual=solution.dual_residual,
             slack_corridor=solution.slack_corridor, slack_slip=solution.slack_slip, feasible=feasible,
-            plan_us=plan_us, build_us=solution.build_us, solve_us=solution.solve_us, step_us=0.0,
-            stop_distance=stop_distance, target_speed=target, sides=tuple(planned.sides.tolist()),
+            plan_us=1e6 * (planned - began), build_us=solution.build_us, solve_us=solution.solve_us,
+            step_us=1e6 * (time.perf_counter() - began),
+            stop_distance=stop_distance, target_speed=target, sides=tuple(path.sides.tolist()),
         )  # fmt: skip
 
     def _fall_back(self, now: float, solver_status: str, failed: Plan | None = None) -> Plan:
@@ -197,7 +168,7 @@ class SteeringController:
         )  # fmt: skip
 
     def _empty_plan(self) -> Plan:
-        times = np.concatenate([[0.0], self._mpc.times])
+        times = self._node_times
         nothing = np.zeros(0)
         return Plan(
             time=0.0, status=Status.FAULT, s=nothing, l=nothing, left=nothing, right=nothing,
@@ -212,15 +183,37 @@ def _corridor_mpc(vehicle: VehicleParameters, c: ControllerConfig) -> Mpc:
         c.weight_offset, c.weight_lateral_speed, c.weight_acceleration, c.weight_jerk, c.weight_rate,
         c.corridor_penalty, c.slip_penalty,
     )  # fmt: skip
+    limits = Limits(
+        c.max_slip * c.friction, vehicle.steer_limit, vehicle.steer_rate_limit,
+        (vehicle.front_extent, -vehicle.rear_extent),
+    )  # fmt: skip
     car = np.array([
         vehicle.mass, vehicle.yaw_inertia, vehicle.l_f, vehicle.l_r, vehicle.cornering_stiffness_front,
         vehicle.cornering_stiffness_rear, vehicle.steer_time_constant,
     ])  # fmt: skip
-    return Mpc(
-        car, vehicle.front_extent, vehicle.rear_extent, c.period, weights, c.max_slip * c.friction,
-        vehicle.steer_limit, vehicle.steer_rate_limit,
-    )  # fmt: skip
+    return Mpc(car, c.period, weights, limits)
 
 
 def _paper_mpc(vehicle: VehicleParameters, c: ControllerConfig) -> PaperMpc:
     return PaperMpc(vehicle, c.weight_steer, c.max_lateral_acceleration)
+
+
+def _node_grid(vehicle: VehicleParameters, c: ControllerConfig, times: Array) -> NodeGrid:
+    literal = c.formulation == "paper"  # bounds the centre point only, and by nothing more than (13)
+    tightening = 0.0 if literal else c.tightening
+    return NodeGrid(
+        times=times, steps=np.diff(times, prepend=0.0),
+        clearance=0.5 * vehicle.width + c.buffer + tightening * np.minimum(times / TIGHTENING_TIME, 1.0),
+        levers=(0.0, 0.0) if literal else (vehicle.front_extent, -vehicle.rear_extent),
+    )  # fmt: skip
+
+
+def _planner_settings(vehicle: VehicleParameters, c: ControllerConfig) -> PlannerSettings:
+    return PlannerSettings(
+        front=vehicle.front_extent, rear=vehicle.rear_extent, half_width=0.5 * vehicle.width, buffer=c.buffer,
+        tightening=c.tightening, margin_time=c.margin_time, safe_distance=c.safe_distance,
+        reference=c.reference_offset, right_edge=-c.width_right, left_edge=c.width_left,
+        weight_reference=c.weight_reference, weight_continuity=c.weight_continuity,
+        weight_obstacle=c.weight_obstacle, hysteresis=c.side_hysteresis,
+        max_lateral_speed=c.max_lateral_speed, max_slope=c.max_slope,
+    )  # fmt: skip
