@@ -29,7 +29,7 @@ class PlantSettings:
     """Which plant is driven, and how it differs from what the controller believes.
 
     Attributes:
-        kind: linear, single-track, mujoco, or the path of an FMU.
+        kind: linear, single-track, mujoco, or an .fmu file, found from the scenario file's folder.
         friction: Road friction as a factor on the tyres' peak.
         map: Mapping file (TOML) of an FMU that is not ours; empty for none.
         steer_offset: Added to every commanded road-wheel angle, in [rad]: a misaligned steering.
@@ -39,6 +39,11 @@ class PlantSettings:
     friction: Positive = 1.0
     map: str = ""
     steer_offset: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """For tables and file names: the kind, or the file's name without folder and ending."""
+        return Path(self.kind).stem
 
 
 @dataclass(frozen=True)
@@ -55,6 +60,7 @@ class Scenario:
         vehicle: The car, as the controller knows it.
         controller: Its configuration, the road's widths included.
         controller_preset: Name of the configuration that it started from.
+        description: One line for lists.
         plant: Which plant.
         tables: The file's tables after the overrides: what makes the same run again.
     """
@@ -68,6 +74,7 @@ class Scenario:
     vehicle: VehicleParameters
     controller: ControllerConfig
     controller_preset: str = "default"
+    description: str = ""
     plant: PlantSettings = field(default_factory=PlantSettings)
     tables: dict[str, Any] = field(default_factory=dict, compare=False)
 
@@ -78,6 +85,7 @@ class _File:
     speed: Positive
     duration: Positive
     road: dict[str, Any]
+    description: str = ""
     start: dict[str, Any] = field(default_factory=dict)
     obstacles: list[Any] = field(default_factory=list)
     vehicle: dict[str, Any] = field(default_factory=dict)
@@ -158,7 +166,8 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
         vehicle=_vehicle(top.vehicle, file.parent),
         controller=config,
         controller_preset=preset,
-        plant=PlantSettings(**checked(PlantSettings, top.plant, "plant")),
+        description=top.description,
+        plant=_plant(top.plant, file.parent),
         tables=tables,
     )  # fmt: skip
     _check_start(scenario, start.s)
@@ -211,6 +220,12 @@ def _controller(table: dict[str, Any], road: _Road, speed: float) -> tuple[str, 
     values = checked(ControllerConfig, table, "controller", partial=True, also={"preset": str}, without=elsewhere)
     preset = values.pop("preset", "default")
     return preset, ControllerConfig.preset(preset, **elsewhere, **values)
+
+
+def _plant(table: dict[str, Any], folder: Path) -> PlantSettings:
+    plant = PlantSettings(**checked(PlantSettings, table, "plant"))
+    kind = str(folder / plant.kind) if plant.kind.endswith(".fmu") else plant.kind
+    return replace(plant, kind=kind, map=str(folder / plant.map) if plant.map else "")
 
 
 def _check_start(scenario: Scenario, s: float) -> None:

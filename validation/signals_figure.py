@@ -12,18 +12,19 @@ from sidestep.plant_models.vehicle import GRAVITY
 from sidestep.validation.judge import Judgement
 from sidestep.validation.recording import Array, Recording
 from sidestep.validation.scenario import Scenario
-from sidestep.validation.style import BLUE, FAINT, GREEN, INK, ORANGE, PURPLE, RED, panel, styled
+from sidestep.validation.style import BLUE, FAINT, GREEN, INK, ORANGE, PURPLE, RED, legend, panel, styled
 
 
 def signals_figure(scenario: Scenario, recording: Recording, judgement: Judgement) -> Figure:
     """Steering angle and rate, lateral offset, angles, yaw rate, a_y, speed; and how long the steps took."""
     with styled():
-        figure = Figure(figsize=(11.0, 9.0), layout="constrained")
+        figure = Figure(figsize=(11.0, 9.0))
+        figure.subplots_adjust(0.045, 0.05, 0.995, 0.97, wspace=0.1, hspace=0.38)
         axes = list(figure.subplots(4, 2).flat)
         _steering(axes[0], axes[1], scenario, recording)
         _offset(axes[2], scenario, recording)
         _states(axes[3:7], scenario, recording)
-        _step_times(axes[7], scenario, recording)
+        _step_times(axes[7], recording)
         for timeline in axes[:7]:
             timeline.set_xlim(recording["time"][0], max(recording["time"][-1], 0.1))
             _marks(timeline, recording, judgement)
@@ -35,13 +36,15 @@ def signals_figure(scenario: Scenario, recording: Recording, judgement: Judgemen
 def compared_signals(runs: Sequence[tuple[str, str, Recording]]) -> Figure:
     """Steering angle and lateral acceleration of several runs; `runs` holds name, colour and recording."""
     with styled():
-        figure = Figure(figsize=(11.0, 2.4), layout="constrained")
+        figure = Figure(figsize=(11.0, 2.6))
+        figure.subplots_adjust(0.045, 0.17, 0.995, 0.9, wspace=0.1)
         left, right = figure.subplots(1, 2)
         for name, colour, recording in runs:
-            left.plot(recording["time"], _degrees(recording["steer_angle"]), color=colour, label=name)
+            left.plot(recording["time"], _degrees(recording["steer_angle"]), color=colour)
             right.plot(recording["time"], recording["lateral_acceleration"], color=colour, label=name)
         panel(left, "Steering angle", "deg")
         panel(right, "Lateral acceleration", "m/s²")
+        legend(right)
         for axes in (left, right):
             axes.set_xlabel("time  [s]")
     return figure
@@ -59,7 +62,7 @@ def _limits(axes: Axes, limit: float | Array, time: Array, label: str) -> None:
 
 def _steering(angle: Axes, rate: Axes, scenario: Scenario, recording: Recording) -> None:
     time, vehicle = recording["time"], scenario.vehicle
-    panel(angle, "Steering angle of the road wheels", "deg")
+    panel(angle, "Steering angle", "deg")
     angle.plot(time, _degrees(recording["steer_command"]), color=ORANGE, drawstyle="steps-post", label="commanded")
     angle.plot(time, _degrees(recording["steer_angle"]), color=BLUE, label="realised")
     bound = np.arctan(
@@ -69,11 +72,11 @@ def _steering(angle: Axes, rate: Axes, scenario: Scenario, recording: Recording)
     _limits(angle, _degrees(np.minimum(bound, vehicle.steer_limit)), time, "limit of Eq. (14)")
     reach = 1.15 * max(most, math.degrees(float(min(bound[0], vehicle.steer_limit))))
     angle.set_ylim(-reach, reach)
-    angle.legend(loc="upper right", ncols=3)
+    legend(angle)
     panel(rate, "Steering rate", "deg/s")
     rate.plot(time, _degrees(recording["steer_rate"]), color=BLUE)
     _limits(rate, math.degrees(vehicle.steer_rate_limit), time, "actuator's limit")
-    rate.legend(loc="upper right")
+    legend(rate)
 
 
 def _offset(axes: Axes, scenario: Scenario, recording: Recording) -> None:
@@ -84,7 +87,7 @@ def _offset(axes: Axes, scenario: Scenario, recording: Recording) -> None:
         right, left = (np.clip(met[:, i], -config.width_right, config.width_left) for i in (1, 2))
         axes.fill_between(met[:, 0], right, left, color=GREEN, alpha=0.2, linewidth=0.0, step="post", label="corridor")
     axes.plot(recording["time"], recording["l"], color=BLUE, label="centre of gravity")
-    axes.legend(loc="upper right", ncols=2)
+    legend(axes)
 
 
 def _states(axes: Sequence[Axes], scenario: Scenario, recording: Recording) -> None:
@@ -94,32 +97,34 @@ def _states(axes: Sequence[Axes], scenario: Scenario, recording: Recording) -> N
     angles.plot(time, _degrees(recording["heading_error"]), color=BLUE, label="heading error")
     sideslip = np.arctan2(recording["v_y"], np.maximum(recording["v_x"], 0.1))
     angles.plot(time, _degrees(sideslip), color=PURPLE, label="sideslip")
-    angles.legend(loc="upper right", ncols=2)
+    legend(angles)
     panel(yaw_rate, "Yaw rate", "deg/s").plot(time, _degrees(recording["yaw_rate"]), color=BLUE)
     panel(acceleration, "Lateral acceleration", "m/s²").plot(time, recording["lateral_acceleration"], color=BLUE)
     grip = scenario.plant.friction * scenario.vehicle.tyre.p_dy1 * GRAVITY
     if scenario.plant.kind != "linear":
         _limits(acceleration, grip, time, "tyres' peak")
-        acceleration.legend(loc="upper right")
+        legend(acceleration)
     panel(speed, "Speed", "m/s")
     speed.plot(time, recording["target_speed"], color=ORANGE, drawstyle="steps-post", label="target")
     speed.plot(time, recording["v_x"], color=BLUE, label="driven")
     low, high = speed.get_ylim()
     speed.set_ylim(min(low, 0.8 * scenario.speed), max(high, 1.1 * scenario.speed))
-    speed.legend(loc="lower right", ncols=2)
+    legend(speed)
 
 
-def _step_times(axes: Axes, scenario: Scenario, recording: Recording) -> None:
-    panel(axes, "Controller steps by their computing time", "µs")
+def _step_times(axes: Axes, recording: Recording) -> None:
+    panel(axes, "Computing time of the controller steps", "µs")
     times = recording.steps["step_time"]
     if not len(times):
         return
     low, high = times.min(), max(times.max(), times.min() * 1.1)
     axes.hist(times, bins=np.geomspace(low, high, 50).tolist(), color=BLUE, alpha=0.75)
     axes.set_xscale("log")
+    for axis_part in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
+        axis_part("{x:.0f}")
     for value, name, colour in zip(np.percentile(times, (50, 99)), ("median", "p99"), (INK, RED), strict=True):
         axes.axvline(value, color=colour, linewidth=1.2, label=f"{name} {value:.0f} µs")
-    axes.legend(loc="upper right", title=f"period {1e6 * scenario.controller.period:.0f} µs", title_fontsize=8)
+    legend(axes)
 
 
 def _marks(axes: Axes, recording: Recording, judgement: Judgement) -> None:

@@ -57,6 +57,16 @@ def panel(axes: Axes, title: str, unit: str) -> Axes:
     return axes
 
 
+def legend(axes: Axes) -> None:
+    """A legend in one line above the axes, to the right of the title; every label once."""
+    handles, labels = axes.get_legend_handles_labels()
+    unique = dict(zip(labels, handles, strict=True))
+    axes.legend(
+        list(unique.values()), list(unique), loc="lower right", bbox_to_anchor=(1.005, 1.0), ncols=len(unique),
+        borderaxespad=0.15, borderpad=0.1, handlelength=1.5, columnspacing=1.2, handletextpad=0.5,
+    )  # fmt: skip
+
+
 def svg(figure: Figure) -> str:
     """The figure as an <svg> element to be put into a page; scales with its container."""
     buffer = io.StringIO()

@@ -30,7 +30,7 @@ def summarise(scenario: Scenario, recording: Recording, judgement: Judgement, **
     duration = float(time[-1] - time[0])
     return {
         "scenario": scenario.name,
-        "plant": scenario.plant.kind,
+        "plant": scenario.plant.name,
         "preset": scenario.controller_preset,
         "verdict": "pass" if judgement.passed else "fail",
         "label": judgement.label,

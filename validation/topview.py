@@ -13,7 +13,7 @@ from sidestep.validation.geometry import Array, car_boxes, obstacle_boxes
 from sidestep.validation.judge import Judgement
 from sidestep.validation.recording import Recording
 from sidestep.validation.scenario import Scenario
-from sidestep.validation.style import BLUE, FAINT, GREEN, INK, ORANGE, PAPER, PURPLE, RED, ROAD, styled
+from sidestep.validation.style import BLUE, GREEN, INK, ORANGE, PAPER, PURPLE, RED, ROAD, legend, styled
 
 OUTLINE_EVERY = 0.5
 """Time between the drawn outlines of the car, in [s]."""
@@ -50,7 +50,7 @@ def compared_top_view(scenario: Scenario, runs: Sequence[tuple[str, str, Recordi
         _road(axes, scenario, view, time=0.0)
         for name, colour, recording in runs:
             axes.plot(recording["x"], recording["y"], color=colour, label=name)
-        _legend(axes)
+        legend(axes)
     return figure
 
 
@@ -78,8 +78,12 @@ def _figure(path: ReferencePath, views: Sequence[View]) -> tuple[Figure, list[Ax
     else:
         spans = [np.ptp(np.array(path.to_cartesian(np.linspace(*view, 100), 0.0)), axis=1) + 14.0 for view in views]
         heights = [float(np.clip(_WIDTH * span[1] / span[0], 2.0, 9.0)) for span in spans]
-    figure = Figure(figsize=(_WIDTH, sum(heights) + 0.35 * len(heights)), layout="constrained")
+    above, below = 0.3, 0.45  # room for titles and labels, in [inch]
+    height = sum(heights) + (above + below) * len(views)
+    figure = Figure(figsize=(_WIDTH, height))
     grid = figure.subplots(len(views), 1, squeeze=False, height_ratios=heights)
+    gap = (above + below) / (sum(heights) / len(heights))
+    figure.subplots_adjust(0.05, below / height, 0.995, 1.0 - above / height, hspace=gap)
     return figure, list(grid[:, 0])
 
 
@@ -96,7 +100,12 @@ def _road(axes: Axes, scenario: Scenario, view: View, time: float) -> None:
     axes.add_collection(PolyCollection(boxes, facecolor=RED, edgecolor=RED, alpha=0.85, zorder=3), autolim=False)
     if _is_straight(path):
         edges = -config.width_right, config.width_left
-        axes.set(xlim=view, ylim=(edges[0] - 0.6, edges[1] + 0.6), xlabel="along the road  [m]", ylabel="across  [m]")
+        axes.set(
+            xlim=view,
+            ylim=(edges[0] - 0.6, edges[1] + 0.6),
+            xlabel="along the road  [m]",
+            ylabel="across, stretched  [m]",
+        )
     else:
         axes.set_aspect("equal", adjustable="datalim")
         axes.set(xlabel="x  [m]", ylabel="y  [m]")
@@ -127,7 +136,7 @@ def _whole_run(axes: Axes, scenario: Scenario, recording: Recording, judgement: 
             textcoords="offset points", ha="center", fontsize=8.5, fontweight="bold", zorder=6,
         )  # fmt: skip
     axes.set_title(f"The run: outlines every {OUTLINE_EVERY:g} s, closest approach filled")
-    _legend(axes)
+    legend(axes)
 
 
 def _cars(axes: Axes, scenario: Scenario, recording: Recording, times: Array, facecolor: str) -> None:
@@ -152,13 +161,4 @@ def _one_plan(axes: Axes, scenario: Scenario, recording: Recording, plan: Any, v
               markeredgewidth=0.4, label="predicted by the controller", zorder=5)  # fmt: skip
     _cars(axes, scenario, recording, np.array([plan.time]), facecolor=BLUE)
     axes.set_title(f"The plan at t = {plan.time:.2f} s")
-    _legend(axes)
-
-
-def _legend(axes: Axes) -> None:
-    handles, labels = axes.get_legend_handles_labels()
-    unique = dict(zip(labels, handles, strict=True))
-    axes.legend(
-        unique.values(), unique.keys(), loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.2
-    )
-    axes.tick_params(color=FAINT)
+    legend(axes)

@@ -1,0 +1,141 @@
+"""The `sidestep` command: one function per subcommand, heavy imports only in the one that runs.
+
+Exit status: 0 pass, 1 the run ended and its verdict is fail, 2 bad input or usage, 130 interrupted.
+"""
+
+import argparse
+import json
+import shlex
+import sys
+import time
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import NoReturn
+
+from sidestep.plant_models.errors import InputError, PlantError
+
+BAD_INPUT, INTERRUPTED = 2, 130
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        self.exit(BAD_INPUT, f"sidestep: {message} (see {self.prog} --help)\n")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command line; `argv` without the program's name, None for the process's own.
+
+    Returns:
+        The exit status.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    options = _parser().parse_args(arguments)
+    options.command_line = shlex.join(["sidestep", *arguments])
+    try:
+        return options.command(options)
+    except (InputError, PlantError) as error:
+        print("sidestep:", " ".join(str(error).split()), file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print("sidestep: interrupted", file=sys.stderr)
+        return INTERRUPTED
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="sidestep", description="Obstacle avoidance by corridor planning and MPC, on plants and on CAN."
+    )
+    parser.add_argument("--version", action="version", version=version("sidestep"))
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    for add in (_add_demo, _add_run, _add_scenarios, _add_bench):
+        add(commands)
+    return parser
+
+
+def _add_demo(commands: argparse._SubParsersAction) -> None:
+    demo = commands.add_parser("demo", help="the paper's two scenes on three plants, steering on CAN, with a report")
+    demo.add_argument("--out", type=Path, default=Path("sidestep-demo"), metavar="DIR", help="default: %(default)s")
+    demo.set_defaults(command=_demo)
+
+
+def _add_run(commands: argparse._SubParsersAction) -> None:
+    run = commands.add_parser("run", help="drive one scenario")
+    run.add_argument("scenario", metavar="SCENARIO", help="a name that `sidestep scenarios` lists, or a TOML file")
+    run.add_argument("--plant", metavar="PLANT", help="linear, single-track, mujoco, or an .fmu file")
+    run.add_argument("--map", type=Path, metavar="MAP.toml", help="mapping file of an FMU that is not ours")
+    run.add_argument("--can", default="auto", metavar="BUS", help="auto (default), off, or INTERFACE:CHANNEL")
+    run.add_argument("--allow-real-bus", action="store_true", help="let that bus reach hardware")
+    run.add_argument(
+        "--coupling", default="zero-delay", choices=("zero-delay", "one-step-delay"), help="default: %(default)s"
+    )
+    run.add_argument("--out", type=Path, metavar="DIR", help="default: runs/<time>-<scenario>")
+    run.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
+        help="replace a key of the scenario file, such as plant.friction=0.6; may be repeated",
+    )  # fmt: skip
+    run.add_argument("--view", action="store_true", help="show MuJoCo's viewer, in real time")
+    run.set_defaults(command=_run)
+
+
+def _add_scenarios(commands: argparse._SubParsersAction) -> None:
+    commands.add_parser("scenarios", help="list the built-in scenarios").set_defaults(command=_scenarios)
+
+
+def _add_bench(commands: argparse._SubParsersAction) -> None:
+    bench = commands.add_parser("bench", help="measure controller, plants and CAN")
+    bench.add_argument("--json", type=Path, metavar="FILE", help="also write the figures as JSON")
+    bench.add_argument("--solvers", action="store_true", help="compare QP solvers, too")
+    bench.set_defaults(command=_bench)
+
+
+def _demo(options: argparse.Namespace) -> int:
+    from sidestep.validation.demo import demo
+
+    return demo(options.out, options.command_line)
+
+
+def _bench(options: argparse.Namespace) -> int:
+    from sidestep.validation.bench import main as bench
+
+    return bench(options)
+
+
+def _scenarios(options: argparse.Namespace) -> int:
+    from sidestep.validation.scenario import built_in_scenarios, load_scenario
+
+    for name in built_in_scenarios():
+        scenario = load_scenario(name)
+        print(f"{name:18}{scenario.speed:5.1f} m/s  {scenario.path.length:4.0f} m  {scenario.description}")
+    return 0
+
+
+def _run(options: argparse.Namespace) -> int:
+    from sidestep.validation.console import print_runs, progress_bar
+    from sidestep.validation.report import write_run
+    from sidestep.validation.runs import drive
+    from sidestep.validation.scenario import load_scenario
+
+    scenario = load_scenario(options.scenario, [*options.overrides, *_plant_overrides(options)])
+    folder = options.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{scenario.name}"
+    with progress_bar(f"{scenario.name} on {scenario.plant.name}", scenario.duration) as progress:
+        run = drive(
+            scenario, folder, options.can, options.coupling, options.allow_real_bus, options.view, progress,
+            options.command_line,
+        )  # fmt: skip
+    write_run(run)
+    print_runs([run.summary])
+    print(f"report: {folder / 'report.html'}")
+    if run.interrupted:
+        raise KeyboardInterrupt
+    return 0 if run.judgement.passed else 1
+
+
+def _plant_overrides(options: argparse.Namespace) -> list[str]:
+    overrides = []
+    if options.plant:
+        plant = str(Path(options.plant).absolute()) if options.plant.endswith(".fmu") else options.plant
+        overrides.append(f"plant.kind={json.dumps(plant)}")
+    if options.map:
+        overrides.append(f"plant.map={json.dumps(str(options.map.absolute()))}")
+    return overrides

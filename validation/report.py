@@ -1,0 +1,140 @@
+"""What a run leaves on disk, and report.html of a run and of the demo: one file each, nothing loaded from outside."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader
+from markupsafe import Markup
+
+from sidestep.validation.console import HEADS, cells, number
+from sidestep.validation.files import write_text, written_to
+from sidestep.validation.recording import SAMPLE_UNITS, STEP_UNITS, write_columns
+from sidestep.validation.runs import Run
+from sidestep.validation.signals_figure import compared_signals, signals_figure
+from sidestep.validation.style import BLUE, GREEN, ORANGE, svg
+from sidestep.validation.summary import strict_json
+from sidestep.validation.topview import compared_top_view, top_view
+
+_PAGES = Environment(
+    loader=FileSystemLoader(Path(__file__).parent / "templates"), autoescape=True, trim_blocks=True, lstrip_blocks=True
+)
+_COLOURS = {"linear": ORANGE, "single-track": GREEN, "mujoco": BLUE}
+
+
+def write_run(run: Run) -> None:
+    """Write recording.csv, steps.csv, summary.json and report.html; each is complete or not there.
+
+    Raises:
+        InputError: The folder cannot be written to.
+    """
+    with written_to(run.folder):
+        write_columns(run.folder / "recording.csv", run.recording.samples, SAMPLE_UNITS)
+        write_columns(run.folder / "steps.csv", run.recording.steps, STEP_UNITS)
+        write_text(run.folder / "summary.json", strict_json(run.summary))
+        write_text(run.folder / "report.html", run_report(run))
+
+
+def run_report(run: Run) -> str:
+    """The page of one run: verdict and scene first, then numbers, signals, and what was run."""
+    s = run.summary
+    files = ["summary.json", "recording.csv", "steps.csv", *(["can.blf"] if s["can"]["sent"] else [])]
+    return _PAGES.get_template("run.html").render(
+        name=f"{s['scenario']} on {s['plant']}" + (f", preset {s['preset']}" if s["preset"] != "default" else ""),
+        summary=s,
+        verdict=_sentence(s),
+        top_view=Markup(svg(top_view(run.scenario, run.recording, run.judgement))),
+        signals=Markup(svg(signals_figure(run.scenario, run.recording, run.judgement))),
+        numbers=_numbers(run),
+        provenance=_provenance(s),
+        files=files,
+    )
+
+
+def _sentence(s: dict[str, Any]) -> str:
+    """PASS or FAIL, why, and the worst clearance with where and when."""
+    words = f"{s['verdict'].upper()} ({s['label']})"
+    if s["min_clearance_m"] is not None:
+        words += (
+            f": closest to obstacle {s['min_clearance_obstacle']} by {s['min_clearance_m']:.3f} m"
+            f" at s = {s['min_clearance_station_m']:.1f} m, t = {s['min_clearance_time_s']:.2f} s"
+        )
+    if s["error"]:
+        words += f". {s['error']}"
+    return words
+
+
+def _numbers(run: Run) -> list[tuple[str, str, str]]:
+    """Name, value, and what to compare it with."""
+    s, config, vehicle = run.summary, run.scenario.controller, run.scenario.vehicle
+    can = s["can"]
+    median, p99, most = (number(s["step_time_us"][name], "µs", 0) for name in ("median", "p99", "max"))
+    return [
+        ("Run", f"{s['duration_s']:.2f} s simulated", s["end"]),
+        ("Smallest clearance", number(s["min_clearance_m"], "m", 3), f"buffer {config.buffer:g} m; negative: overlap"),
+        ("Smallest clearance to the road's edge", number(s["min_edge_clearance_m"], "m", 3), "of the car's corners"),
+        ("Largest lateral acceleration", number(s["max_lateral_acceleration"], "m/s²", 2), ""),
+        ("Largest steering angle", number(s["max_steer_angle"], "rad", 4), f"limit {vehicle.steer_limit:g} rad"),
+        ("Largest steering rate", number(s["max_steer_rate"], "rad/s", 3), f"limit {vehicle.steer_rate_limit:g} rad/s"),
+        ("Lateral error", number(s["rms_lateral_error_m"], "m", 3), "RMS to the reference path, avoidance included"),
+        ("Lateral error in the last second", number(s["final_rms_lateral_error_m"], "m", 4), "RMS"),
+        ("Infeasible steps", f"{s['infeasible_steps']} of {s['steps']}", "solver failed, or corridor slack above 1 mm"),
+        ("Largest corridor slack", number(1e3 * s["max_slack_m"], "mm", 3), ""),
+        ("Controller step", f"{median} median", f"p99 {p99}, largest {most}"),
+        ("Real-time factor", number(s["real_time_factor"], "", 1), "controller, bus and plant, one thread"),
+        ("CAN", f"{can['sent']} frames", f"{can['interface']}, {can['lost']} lost"),
+    ]  # fmt: skip
+
+
+def _provenance(s: dict[str, Any]) -> list[tuple[str, str]]:
+    versions = ", ".join(f"{name} {version}" for name, version in s["versions"].items())
+    return [
+        ("Command", s["command_line"] or "(library call)"),
+        ("Coupling", s["coupling"]),
+        ("Randomness", "none: the same inputs give the same recording"),
+        ("Versions", versions),
+    ]
+
+
+def demo_report(runs: Sequence[Run], summaries: Sequence[dict[str, Any]], passed: bool) -> str:
+    """The page of the demo.
+
+    Args:
+        runs: What could be run.
+        summaries: A summary of every row, also of what could not be run.
+        passed: The verdict on all that counts.
+    """
+    scenes = [_scene(name, runs, summaries) for name in dict.fromkeys(s["scenario"] for s in summaries)]
+    counted = [s for s in summaries if s["preset"] == "default"]
+    good = sum(s["verdict"] == "pass" for s in counted)
+    clearances = [s["min_clearance_m"] for s in counted if s.get("min_clearance_m") is not None]
+    worst = f", worst clearance {min(clearances):.3f} m" if clearances else ""
+    return _PAGES.get_template("demo.html").render(
+        verdict="pass" if passed else "fail",
+        sentence=f"{'PASS' if passed else 'FAIL'}: {good} of {len(counted)} runs passed{worst}",
+        scenes=scenes,
+        heads=HEADS,
+        provenance=_provenance(runs[0].summary),
+    )
+
+
+def _scene(name: str, runs: Sequence[Run], summaries: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    shown = [run for run in runs if run.scenario.name == name and run.scenario.controller_preset == "default"]
+    lines = [(run.scenario.plant.name, _COLOURS[run.scenario.plant.name], run.recording) for run in shown]
+    rows = [
+        {
+            "name": s["plant"] + (f" ({s['preset']})" if s["preset"] != "default" else ""),
+            "verdict": s["verdict"],
+            "label": f"{s['verdict']}: {s['label']}",
+            "cells": cells(s),
+            "link": s.get("report"),
+        }
+        for s in summaries
+        if s["scenario"] == name
+    ]
+    return {
+        "name": name,
+        "rows": rows,
+        "top_view": Markup(svg(compared_top_view(shown[0].scenario, lines))),
+        "signals": Markup(svg(compared_signals(lines))),
+    }

@@ -1,0 +1,83 @@
+"""One run: a scenario driven, judged and summarised."""
+
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sidestep.controller import SteeringController
+from sidestep.controller.can_port.port import SteeringPort
+from sidestep.validation.cosimulation import PLANT_STEP, Coupling, cosimulate
+from sidestep.validation.files import made
+from sidestep.validation.judge import Judgement, judge
+from sidestep.validation.plants import open_plant
+from sidestep.validation.recording import End, Recording
+from sidestep.validation.scenario import Scenario
+from sidestep.validation.summary import summarise
+from sidestep.validation.viewer import viewer
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished run.
+
+    Attributes:
+        scenario: What was driven.
+        recording: What happened.
+        judgement: What it is worth.
+        summary: Its numbers, as in summary.json.
+        folder: Where its files are.
+    """
+
+    scenario: Scenario
+    recording: Recording
+    judgement: Judgement
+    summary: dict[str, Any]
+    folder: Path
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether it was ended from the keyboard."""
+        return self.recording.end is End.INTERRUPTED
+
+
+def drive(
+    scenario: Scenario,
+    folder: Path,
+    can: str = "auto",
+    coupling: Coupling = "zero-delay",
+    allow_real_bus: bool = False,
+    view: bool = False,
+    progress: Callable[[float], None] | None = None,
+    command_line: str = "",
+) -> Run:
+    """Drive a scenario once; only the CAN log is written, to `folder`, which is made if need be.
+
+    Args:
+        scenario: With the plant to drive.
+        folder: For the run's files.
+        can: Bus that carries the steering commands, see `sidestep.controller.can_port.bus.SPECS`.
+        coupling: See `cosimulate`.
+        allow_real_bus: Whether that bus may reach hardware.
+        view: Show MuJoCo's viewer, in real time, instead of progress.
+        progress: Called with the simulated time, in [s].
+        command_line: For the summary.
+
+    Raises:
+        InputError: Plant, bus or folder cannot be used; nothing is left behind then.
+        PlantError: The plant cannot be built or cannot start.
+    """
+    controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
+    with open_plant(scenario) as plant, viewer(plant) if view else nullcontext() as show:
+        plant.step(controller.step(plant.reset(scenario.start)), PLANT_STEP)  # load the kernels before the clock runs
+        with made(folder):
+            log = folder / "can.blf"
+            log.unlink(missing_ok=True)
+            port = SteeringPort(can, log, scenario.vehicle.steer_rate_limit, allow_real_bus)
+        with port:
+            recording = cosimulate(controller, plant, scenario, port, coupling, show or progress)
+    judgement = judge(recording, scenario)
+    frames = {"sent": port.sent, "lost": port.lost, "interface": port.interface}
+    summary = summarise(scenario, recording, judgement, can=frames, coupling=coupling, command_line=command_line)
+    return Run(scenario, recording, judgement, summary, folder)
