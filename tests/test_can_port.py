@@ -172,3 +172,14 @@ def test_closing_twice_does_no_harm():
     port = SteeringPort("auto")
     port.close()
     port.close()
+
+
+@pytest.mark.parametrize("protection", ["P05", "none"])
+def test_other_protections(protection, tmp_path):
+    commands = slalom(300)
+    with SteeringPort("auto", tmp_path / "can.blf", protection=protection) as port:
+        for command in commands:
+            assert_same_but_quantised(port.transmit(command), command)
+        assert (port.sent, port.lost) == (300, 0)
+    with can.BLFReader(tmp_path / "can.blf") as log:
+        assert {(frame.is_fd, frame.dlc) for frame in log} == {(True, 12) if protection == "P05" else (False, 8)}

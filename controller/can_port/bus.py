@@ -36,6 +36,7 @@ class Bus:
         spec: INTERFACE:CHANNEL, as `resolve_spec` returns it.
         own_ids: Identifiers that are sent from here and are not to be received (udp_multicast always echoes).
         echo: Whether the bus hands back what is sent here.
+        fd: Whether CAN FD frames are to pass.
         allow_real_bus: Whether the bus may reach hardware.
 
     Attributes:
@@ -46,11 +47,20 @@ class Bus:
         InputError: The bus cannot be opened, or is not virtual and `allow_real_bus` is False.
     """
 
-    def __init__(self, spec: str, own_ids: Iterable[int] = (), echo: bool = False, allow_real_bus: bool = False):
+    def __init__(
+        self,
+        spec: str,
+        own_ids: Iterable[int] = (),
+        echo: bool = False,
+        fd: bool = False,
+        allow_real_bus: bool = False,
+    ):
         self.spec, self.errors, self._own_ids = spec, 0, frozenset(own_ids)
         arguments = _bus_arguments(spec, allow_real_bus)
         if arguments["interface"] != "udp_multicast":
             arguments["receive_own_messages"] = echo
+        if arguments["interface"] != "virtual":
+            arguments["fd"] = fd
         try:
             self._bus = can.Bus(ignore_config=True, **arguments)
         except (can.CanError, OSError, ValueError, ImportError) as error:

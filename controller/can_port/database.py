@@ -1,19 +1,29 @@
-"""The messages of steer.dbc: saturating, protected encoding and decoding without any I/O."""
+"""The messages of steer.dbc: saturating, protected encoding and decoding without any I/O.
+
+The file describes classic CAN with E2E Profile 2. The two other protections are derived from it: Profile 5 has a
+longer header and therefore CAN FD frames; "none" leaves the header of Profile 2 empty.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from math import isfinite
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import cantools.database
 from cantools.database.can import Database, Message, Signal
 
-from sidestep.controller.can_port.e2e import Profile, Profile2
+from sidestep.controller.can_port.e2e import Profile, Profile2, Profile5, Unprotected
 
 DBC = Path(__file__).parent / "steer.dbc"
 """The database file, the one description of every message."""
+
+Protection = Literal["P02", "P05", "none"]
+"""AUTOSAR E2E Profile 2 on classic CAN, Profile 5 on CAN FD, or nothing."""
+
+_STANDARD_CAN_FD = 14  # number in the enumeration that Vector's tools know
+_FD_LENGTH = 12  # the shortest CAN FD frame that takes the longer header and 52 bits of payload
 
 
 class PackedSignal(NamedTuple):
@@ -46,7 +56,7 @@ class ProtectedMessage:
     Attributes:
         name: Name in the database.
         frame_id: CAN identifier.
-        length: Bytes of the frame.
+        length: Bytes of the frame; more than 8 make it a CAN FD frame.
         cycle: Time between two frames, in [s].
         profile: End-to-end protection.
         signals: Every signal behind the protection header.
@@ -88,27 +98,60 @@ class ProtectedMessage:
             values[name] = (raw - ((raw & sign_bit) << 1)) * scale
         return values
 
+    @property
+    def is_fd(self) -> bool:
+        """Whether only CAN FD can carry the frame."""
+        return self.length > 8
+
     def highest(self, name: str) -> float:
         """Largest physical value that signal `name` can carry."""
         return next(s.high * s.scale for s in self.signals if s.name == name)
 
 
 @cache
-def messages() -> dict[str, ProtectedMessage]:
+def messages(protection: Protection = "P02") -> dict[str, ProtectedMessage]:
     """The messages of steer.dbc by name."""
-    return {message.name: _protected(message) for message in load_dbc().messages}
+    return {message.name: _protected(message, protection) for message in load_dbc(protection).messages}
 
 
-def load_dbc() -> Database:
-    """steer.dbc as a cantools database."""
+def load_dbc(protection: Protection = "P02") -> Database:
+    """steer.dbc as a cantools database, with headers and attributes as `protection` has them."""
     database = cantools.database.load_file(DBC, strict=True)
     assert isinstance(database, Database)
+    for message in database.messages:
+        if protection == "P05":
+            _lengthen(message)
+        elif protection == "none":
+            _set_attributes(message, E2EProfile=0, E2EDataIDs="")
+    database.refresh()
     return database
 
 
-def _protected(message: Message) -> ProtectedMessage:
+def _lengthen(message: Message) -> None:
+    """Turn the header of Profile 2 into that of Profile 5: 16-bit CRC, 8-bit counter, payload behind them."""
+    message.is_fd, message.length = True, _FD_LENGTH
+    for signal in message.signals:
+        if signal.start >= Profile2.header_bits:
+            signal.start += Profile5.header_bits - Profile2.header_bits
+        else:
+            signal.start, signal.length = 2 * signal.start, 2 * signal.length
+            signal.maximum = (1 << signal.length) - 1
+    _set_attributes(message, E2EProfile=2, E2EDataIDs=f"{message.frame_id:04x}", VFrameFormat=_STANDARD_CAN_FD)
+
+
+def _set_attributes(message: Message, **values: int | str) -> None:
     assert message.dbc is not None
-    profile = Profile2(bytes.fromhex(str(message.dbc.attributes["E2EDataIDs"].value)))
+    for name, value in values.items():
+        attribute: Any = message.dbc.attributes[name]
+        attribute.value = value
+
+
+def _protected(message: Message, protection: Protection) -> ProtectedMessage:
+    assert message.dbc is not None
+    data_ids = bytes.fromhex(str(message.dbc.attributes["E2EDataIDs"].value))
+    profile: Profile = Unprotected()
+    if protection != "none":
+        profile = Profile2(data_ids) if protection == "P02" else Profile5(int.from_bytes(data_ids, "big"))
     payload = [s for s in message.signals if s.start >= profile.header_bits]
     return ProtectedMessage(
         name=message.name,

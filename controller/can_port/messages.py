@@ -1,14 +1,17 @@
 """What the frames mean: typed records to bytes and back, without any I/O.
 
+All of it works with every protection: hand over `message` from `database.messages(protection)`.
+
 Every `encode_*` returns a protected frame, saturates what is out of range and never raises on a number.
 Every `decode_*` takes a frame that an `e2e.Receiver` accepted and never raises either.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from math import isfinite, pi, remainder
 
-from sidestep.controller.can_port.database import messages
+from sidestep.controller.can_port.database import ProtectedMessage, messages
 from sidestep.controller.can_port.e2e_state import E2EState
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
 
@@ -126,7 +129,11 @@ class ControllerStatus:
 
 
 def encode_steer_command(
-    command: SteeringCommand, counter: int, enable: bool = True, rate_limit: float = MAX_RATE_LIMIT
+    command: SteeringCommand,
+    counter: int,
+    enable: bool = True,
+    rate_limit: float = MAX_RATE_LIMIT,
+    message: ProtectedMessage = STEER_CMD,
 ) -> bytes:
     """STEER_CMD frame of a command.
 
@@ -135,8 +142,9 @@ def encode_steer_command(
         counter: Alive counter.
         enable: Whether the steering may follow the angle; if not, the angle goes out as 0.
         rate_limit: Largest road-wheel rate the controller reckons with, in [rad/s].
+        message: STEER_CMD in the protection to use.
     """
-    return STEER_CMD.encode(
+    return message.encode(
         {
             "SteerCmd_Mode": SteerMode.ANGLE if enable else SteerMode.STANDBY,
             "SteerCmd_Enable": enable,
@@ -149,7 +157,7 @@ def encode_steer_command(
     )
 
 
-def decode_steer_command(data: bytes | bytearray, time: float) -> SteerFrame:
+def decode_steer_command(data: bytes | bytearray, time: float, message: ProtectedMessage = STEER_CMD) -> SteerFrame:
     """Command of a STEER_CMD frame.
 
     A frame whose mode is not ANGLE, or whose angle lies outside its range (which `encode_steer_command` never
@@ -158,8 +166,9 @@ def decode_steer_command(data: bytes | bytearray, time: float) -> SteerFrame:
     Args:
         data: Checked frame.
         time: Time of reception, in [s].
+        message: STEER_CMD in the protection in use.
     """
-    values = STEER_CMD.decode(data)
+    values = message.decode(data)
     angle = values["SteerCmd_Angle"]
     enable = values["SteerCmd_Enable"] == 1 and values["SteerCmd_Mode"] == SteerMode.ANGLE and abs(angle) <= MAX_ANGLE
     status = Status(int(values["SteerCmd_Status"]))
@@ -167,7 +176,12 @@ def decode_steer_command(data: bytes | bytearray, time: float) -> SteerFrame:
     return SteerFrame(command, enable, values["SteerCmd_RateLimit"])
 
 
-def encode_vehicle_state(state: VehicleState, lateral_acceleration: float, counter: int) -> tuple[bytes, bytes, bytes]:
+def encode_vehicle_state(
+    state: VehicleState,
+    lateral_acceleration: float,
+    counter: int,
+    sample: Sequence[ProtectedMessage] = VEHICLE_STATE,
+) -> list[bytes]:
     """Frames of one sample, in the order of `VEHICLE_STATE`.
 
     The heading goes out wrapped to one turn; the steering angle is STEER_STATUS's.
@@ -176,19 +190,27 @@ def encode_vehicle_state(state: VehicleState, lateral_acceleration: float, count
         state: What to send; a frame with a number in it that is not finite says valid = 0.
         lateral_acceleration: At the centre of gravity, in [m/s^2].
         counter: Alive counter, the same in all three frames: it ties them together.
+        sample: `VEHICLE_STATE` in the protection to use.
     """
-    dynamics = {"Valid": 1, "Speed": state.v_x, "YawRate": state.yaw_rate, "AccLat": lateral_acceleration}
-    position = {"Valid": 1, "X": state.x, "Y": state.y}
-    heading = {"Valid": 1, "Yaw": _wrap(state.yaw), "SpeedLat": state.v_y}
-    return (
-        VEH_DYN.encode({f"VehDyn_{key}": value for key, value in dynamics.items()}, counter),
-        VEH_POS.encode({f"VehPos_{key}": value for key, value in position.items()}, counter),
-        VEH_HEADING.encode({f"VehHeading_{key}": value for key, value in heading.items()}, counter),
+    values = (
+        {
+            "VehDyn_Valid": 1,
+            "VehDyn_Speed": state.v_x,
+            "VehDyn_YawRate": state.yaw_rate,
+            "VehDyn_AccLat": lateral_acceleration,
+        },
+        {"VehPos_Valid": 1, "VehPos_X": state.x, "VehPos_Y": state.y},
+        {"VehHeading_Valid": 1, "VehHeading_Yaw": _wrap(state.yaw), "VehHeading_SpeedLat": state.v_y},
     )
+    return [message.encode(of_message, counter) for message, of_message in zip(sample, values, strict=True)]
 
 
 def decode_vehicle_state(
-    frames: tuple[bytes, bytes, bytes], time: float, steer_angle: float = 0.0, near_yaw: float = 0.0
+    frames: Sequence[bytes | bytearray],
+    time: float,
+    steer_angle: float = 0.0,
+    near_yaw: float = 0.0,
+    sample: Sequence[ProtectedMessage] = VEHICLE_STATE,
 ) -> VehicleState | None:
     """State of one sample; None if a frame says that it is not valid.
 
@@ -197,9 +219,10 @@ def decode_vehicle_state(
         time: Time of reception, in [s].
         steer_angle: Realised road-wheel angle from STEER_STATUS, in [rad].
         near_yaw: A heading less than half a turn away, such as the last one, in [rad]; it undoes the wrapping.
+        sample: `VEHICLE_STATE` in the protection in use.
     """
     values: dict[str, float] = {}
-    for message, data in zip(VEHICLE_STATE, frames, strict=True):
+    for message, data in zip(sample, frames, strict=True):
         values |= message.decode(data)
     if not (values["VehDyn_Valid"] and values["VehPos_Valid"] and values["VehHeading_Valid"]):
         return None
@@ -215,9 +238,9 @@ def decode_vehicle_state(
     )
 
 
-def encode_steer_status(status: SteerStatus, counter: int) -> bytes:
+def encode_steer_status(status: SteerStatus, counter: int, message: ProtectedMessage = STEER_STATUS) -> bytes:
     """STEER_STATUS frame."""
-    return STEER_STATUS.encode(
+    return message.encode(
         {
             "SteerStatus_State": status.state,
             "SteerStatus_Angle": status.angle,
@@ -229,9 +252,9 @@ def encode_steer_status(status: SteerStatus, counter: int) -> bytes:
     )
 
 
-def decode_steer_status(data: bytes | bytearray) -> SteerStatus:
+def decode_steer_status(data: bytes | bytearray, message: ProtectedMessage = STEER_STATUS) -> SteerStatus:
     """Record of a checked STEER_STATUS frame."""
-    values = STEER_STATUS.decode(data)
+    values = message.decode(data)
     return SteerStatus(
         state=ActuatorState(int(values["SteerStatus_State"])),
         angle=values["SteerStatus_Angle"],
@@ -241,9 +264,9 @@ def decode_steer_status(data: bytes | bytearray) -> SteerStatus:
     )
 
 
-def encode_controller_status(status: ControllerStatus, counter: int) -> bytes:
+def encode_controller_status(status: ControllerStatus, counter: int, message: ProtectedMessage = CTRL_STATUS) -> bytes:
     """CTRL_STATUS frame."""
-    return CTRL_STATUS.encode(
+    return message.encode(
         {
             "CtrlStatus_QpStatus": status.qp_status,
             "CtrlStatus_Status": status.status,
@@ -256,9 +279,9 @@ def encode_controller_status(status: ControllerStatus, counter: int) -> bytes:
     )
 
 
-def decode_controller_status(data: bytes | bytearray) -> ControllerStatus:
+def decode_controller_status(data: bytes | bytearray, message: ProtectedMessage = CTRL_STATUS) -> ControllerStatus:
     """Record of a checked CTRL_STATUS frame."""
-    values = CTRL_STATUS.decode(data)
+    values = message.decode(data)
     return ControllerStatus(
         qp_status=QpStatus(int(values["CtrlStatus_QpStatus"])),
         status=Status(int(values["CtrlStatus_Status"])),

@@ -9,6 +9,7 @@ from typing import Self
 import can
 
 from sidestep.controller.can_port.bus import Bus, resolve_spec
+from sidestep.controller.can_port.database import Protection, messages
 from sidestep.controller.can_port.e2e import ACCEPTED, CheckStatus, Receiver
 from sidestep.controller.can_port.messages import (
     MAX_RATE_LIMIT,
@@ -38,6 +39,7 @@ class SteeringPort:
         log: Vector BLF file for every frame that was received, stamped with simulation time; None for none.
         rate_limit: Steering rate limit to send along, in [rad/s].
         allow_real_bus: Whether the bus may reach hardware.
+        protection: End-to-end protection; "P05" sends CAN FD frames.
 
     Attributes:
         interface: The bus in use as INTERFACE:CHANNEL, or "off".
@@ -55,18 +57,25 @@ class SteeringPort:
         log: Path | None = None,
         rate_limit: float = MAX_RATE_LIMIT,
         allow_real_bus: bool = False,
+        protection: Protection = "P02",
     ):
         self.interface = resolve_spec(spec)
         self.sent = self.lost = 0
-        self.receiver = Receiver(STEER_CMD.profile, STEER_CMD.length)
+        self._steer_cmd = messages(protection)["STEER_CMD"]
+        self.receiver = Receiver(self._steer_cmd.profile, self._steer_cmd.length)
         self._rate_limit = rate_limit
         self._counter = 0
         self._held: SteeringCommand | None = None
-        self._message = can.Message(arbitration_id=STEER_CMD.frame_id, dlc=STEER_CMD.length, is_extended_id=False)
+        self._message = can.Message(
+            arbitration_id=self._steer_cmd.frame_id,
+            dlc=self._steer_cmd.length,
+            is_extended_id=False,
+            is_fd=self._steer_cmd.is_fd,
+        )
         self._record: Callable[[can.Message], None] | None = None
         with ExitStack() as resources:
             if self.interface != "off":
-                self._bus = resources.enter_context(Bus(self.interface, echo=True, allow_real_bus=allow_real_bus))
+                self._bus = resources.enter_context(Bus(self.interface, (), True, self._message.is_fd, allow_real_bus))
                 if log is not None:
                     self._record = resources.enter_context(_open_log(log)).on_message_received
             self._resources = resources.pop_all()
@@ -79,7 +88,7 @@ class SteeringPort:
         """
         if self.interface == "off":
             return command
-        data = encode_steer_command(command, self._counter, rate_limit=self._rate_limit)
+        data = encode_steer_command(command, self._counter, True, self._rate_limit, self._steer_cmd)
         self._counter += 1
         # bytes, not bytearray: the virtual bus deep-copies the frame, and bytes cost nothing to copy
         self._message.data = data  # pyright: ignore[reportAttributeAccessIssue]
@@ -112,11 +121,11 @@ class SteeringPort:
         if self._record:
             message.timestamp, message.channel = time, 0
             self._record(message)
-        if message.arbitration_id != STEER_CMD.frame_id:
+        if message.arbitration_id != self._steer_cmd.frame_id:
             return False
         if self.receiver.check(message.data) not in _USABLE:
             return False
-        self._held = decode_steer_command(message.data, time).command
+        self._held = decode_steer_command(message.data, time, self._steer_cmd).command
         return True
 
 
