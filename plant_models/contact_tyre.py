@@ -24,7 +24,8 @@ _SLIP_AT_REST = 0.1  # deflection over relaxation length where every tyre has re
 _DAMPING_SPEED = 15.0  # sliding speed that damps as much as unit slip holds, [m/s]
 _GRIP_USED = 0.9  # share of the peak that drive and brakes ask for
 _SLIP_RELEASE = 0.2  # slip at which drive and brakes let go (anti-lock)
-_HOLD_SPEED, _HOLD_TARGET = 0.2, 0.05  # brakes hold the car below the one when the other is asked, [m/s]
+_HOLD_SPEED, _HOLD_TARGET = 0.1, 0.05  # brakes hold the car below the one when the other is asked, [m/s]
+_ABSURD = 1e5  # no joint moves that fast, [m/s] or [rad/s]
 
 CAR = np.dtype(
     [
@@ -199,8 +200,8 @@ def _steer(dt, car, state, ctrl):
     state["steer_angle"] = angle
     offset = car["steer_offset"]
     for i in range(2):
-        now, last = ackermann(angle, offset), ackermann(before, offset)
-        ctrl[i] = now + car["steer_lead"] * (now - last) / dt
+        now = ackermann(before, offset)  # where the hinge is; it then arrives with the actuator
+        ctrl[i] = now + car["steer_lead"] * (ackermann(angle, offset) - now) / dt
         offset = -offset
 
 
@@ -234,6 +235,15 @@ def observe(cars, states, qpos, qvel):
 
 
 @njit(cache=True, nogil=True)
+def _is_sane(qvel):
+    """Whether no velocity is NaN or absurd: MuJoCo would go on and fill the screen with warnings."""
+    for value in qvel:
+        if not abs(value) < _ABSURD:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
 def advance(steps, dt, model, data, cars, states, sensors, xipos, xmat, qpos, qvel, xfrc, ctrl, mocap_pos, track):
     """Step the car under the held command of the state.
 
@@ -248,6 +258,8 @@ def advance(steps, dt, model, data, cars, states, sensors, xipos, xmat, qpos, qv
     """
     car, state = cars[0], states[0]
     for step in range(steps):
+        if not _is_sane(qvel):
+            break
         share = (step + 1.0) / steps
         for k in range(track.shape[1]):
             mocap_pos[k] = (1.0 - share) * track[0, k] + share * track[1, k]
@@ -261,3 +273,5 @@ def advance(steps, dt, model, data, cars, states, sensors, xipos, xmat, qpos, qv
             state["collided"] = 1.0
         _mj_step2(model, data)
     observe(cars, states, qpos, qvel)
+    if not _is_sane(qvel):
+        state["planar"][:] = np.nan

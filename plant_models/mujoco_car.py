@@ -27,7 +27,7 @@ _WHEEL_SHARE = 0.6  # of the unsprung mass; the rest is the hub
 _HUB_INERTIA = 0.3  # [kg m^2]
 _TRAVEL = 0.08  # of the suspension, either way, [m]
 _STOP_STIFFNESS, _STOP_DAMPING = 2.0e5, 2.0e3  # [N/m], [N s/m]
-_STEER_STIFFNESS = 8.0e4  # [N m/rad]
+_STEER_STIFFNESS = 3.0e5  # [N m/rad]
 _HULL_BOTTOM, _HULL_TOP, _OBSTACLE_TOP = 0.15, 1.35, 1.5  # [m]
 
 _SOFT = 1e-4  # MuJoCo's least impedance: a constraint this soft is a plain spring and damper
