@@ -19,7 +19,7 @@ import fmpy
 
 from sidestep.fmu.model_description import build_description, model_description, variable_rows
 from sidestep.fmu.variables import Model, c_header, find_model
-from sidestep.plant_models.errors import InputError, SidestepError
+from sidestep.plant_models.errors import InputError, PlantError
 
 _FOLDER = Path(__file__).parent
 _FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
@@ -29,7 +29,7 @@ _FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-co
 _WAYS_OUT = "install gcc or clang (or set CC), `pip install sidestep[cross]`, or take --plant linear or mujoco"
 
 
-class CompilerError(SidestepError, RuntimeError):
+class CompilerError(PlantError):
     """No C compiler, or one that failed; the message says what to do."""
 
 

@@ -65,18 +65,16 @@ def _fmi2(model: Model, token: str, sources: list[str]) -> Element:
     _common(root, model)
     variables = SubElement(root, "ModelVariables")
     for reference, row in enumerate(model.variables):
-        scalar = SubElement(
-            variables, "ScalarVariable", name=row.name, valueReference=str(reference), **_attributes(row)
-        )
+        scalar = SubElement(variables, "ScalarVariable", _attributes(row, reference))
         of_state = {"derivative": str(_state_of(model, reference) + 1)} if row.kind == "derivative" else {}
-        SubElement(scalar, "Real", **_value(row), **of_state)
+        SubElement(scalar, "Real", _value(row) | of_state)
     structure = SubElement(root, "ModelStructure")
     for name, references in _structure(model).items():
         if references:
             unknowns = SubElement(structure, name)
             for reference in references:
                 depends = {} if name == "InitialUnknowns" else _dependencies(model, reference, first=1)
-                SubElement(unknowns, "Unknown", index=str(reference + 1), **depends)
+                SubElement(unknowns, "Unknown", {"index": str(reference + 1)} | depends)
     return root
 
 
@@ -93,16 +91,13 @@ def _fmi3(model: Model, token: str) -> Element:
     variables = SubElement(root, "ModelVariables")
     for reference, row in enumerate(model.variables):
         of_state = {"derivative": str(_state_of(model, reference))} if row.kind == "derivative" else {}
-        SubElement(
-            variables, "Float64", name=row.name, valueReference=str(reference),
-            **_attributes(row), **_value(row), **of_state,
-        )  # fmt: skip
+        SubElement(variables, "Float64", _attributes(row, reference) | _value(row) | of_state)
     structure = SubElement(root, "ModelStructure")
     names = {"Outputs": "Output", "Derivatives": "ContinuousStateDerivative", "InitialUnknowns": "InitialUnknown"}
     for name, references in _structure(model).items():
         for reference in references:
             depends = {} if name == "InitialUnknowns" else _dependencies(model, reference, first=0)
-            SubElement(structure, names[name], valueReference=str(reference), **depends)
+            SubElement(structure, names[name], {"valueReference": str(reference)} | depends)
     return root
 
 
@@ -111,16 +106,17 @@ def _common(root: Element, model: Model) -> None:
     units = SubElement(root, "UnitDefinitions")
     for name in dict.fromkeys(row.unit for row in model.variables if row.unit):
         exponents = {base: str(exponent) for base, exponent in UNITS[name].items()}
-        SubElement(SubElement(units, "Unit", name=name), "BaseUnit", **exponents)
+        SubElement(SubElement(units, "Unit", name=name), "BaseUnit", exponents)
     categories = SubElement(root, "LogCategories")
     for name, description in LOG_CATEGORIES.items():
         SubElement(categories, "Category", name=name, description=description)
     SubElement(root, "DefaultExperiment", startTime="0", stopTime=str(STOP_TIME), stepSize=str(STEP_SIZE))
 
 
-def _attributes(row: Variable) -> dict[str, str]:
+def _attributes(row: Variable, reference: int) -> dict[str, str]:
     causality, variability, initial = ATTRIBUTES[row.kind]
-    attributes = {"causality": causality, "variability": variability, "description": row.description}
+    attributes = {"name": row.name, "valueReference": str(reference), "description": row.description}
+    attributes |= {"causality": causality, "variability": variability}
     return attributes | ({"initial": initial} if initial else {})
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.speed_control import SPEED_GAIN
 from sidestep.plant_models.vehicle import GRAVITY, VehicleParameters
 
 Kind = Literal["time", "input", "state", "hidden state", "derivative", "output", "tunable", "fixed"]
@@ -136,8 +137,8 @@ _TYRE = (
     ("relaxation_y", "m", "Lateral relaxation length", 0.001),
 )
 
-SPEED_GAIN = 2.0
 INTERNAL_STEP = 0.0025
+"""Largest integration step, in [s]; its error stays below 1e-7 up to the tyres' limits."""
 
 
 def vehicle_values(vehicle: VehicleParameters) -> dict[str, float]:
@@ -199,10 +200,7 @@ def find_model(name: str) -> Model:
 def c_header(model: Model, token: str) -> str:
     """variables.h: value references, and the rows as initialisers of `Variable` in model.h."""
     references = "".join(f"    {row.constant},\n" for row in model.variables)
-    rows = "".join(
-        f'    {{"{row.name}", {row.kind.upper().replace(" ", "_")}_KIND, {row.start or 0.0!r}, {_bound(row.minimum)}}}, \\\n'
-        for row in model.variables
-    )
+    rows = "".join(f"    {_c_row(row)}, \\\n" for row in model.variables)
     states = model.of_kind("state", "hidden state")
     return (
         "/* Generated from the variable table: do not edit. */\n"
@@ -213,5 +211,7 @@ def c_header(model: Model, token: str) -> str:
     )
 
 
-def _bound(minimum: float | None) -> str:
-    return "-HUGE_VAL" if minimum is None else repr(minimum)
+def _c_row(row: Variable) -> str:
+    kind = row.kind.upper().replace(" ", "_")
+    minimum = "-HUGE_VAL" if row.minimum is None else repr(row.minimum)
+    return f'{{"{row.name}", {kind}_KIND, {row.start or 0.0!r}, {minimum}}}'

@@ -89,7 +89,7 @@ static Motion motion(const double v[], const double s[], double steer_angle) {
     return result;
 }
 
-static void derivatives(const double v[], const double s[], double steer_angle, double rate[]) {
+static Motion derivatives(const double v[], const double s[], double steer_angle, double rate[]) {
     Motion now = motion(v, s, steer_angle);
     double c = cos(s[YAW - FIRST_STATE]), d = sin(s[YAW - FIRST_STATE]);
     double v_x = s[V_X - FIRST_STATE], v_y = s[V_Y - FIRST_STATE], r = s[YAW_RATE - FIRST_STATE];
@@ -101,6 +101,7 @@ static void derivatives(const double v[], const double s[], double steer_angle, 
     rate[YAW_RATE - FIRST_STATE] = (v[L_F] * now.front.force_y - v[L_R] * now.rear.force_y) / v[YAW_INERTIA];
     rate[FRONT_DEFLECTION - FIRST_STATE] = now.front.deflection_rate;
     rate[REAR_DEFLECTION - FIRST_STATE] = now.rear.deflection_rate;
+    return now;
 }
 
 /* Steering actuator after t seconds: rate limit until the lag asks for less, then exponential. Exact. */
@@ -147,8 +148,7 @@ void model_advance(double v[], double duration) {
 }
 
 void model_evaluate(double v[]) {
-    Motion now = motion(v, v + FIRST_STATE, v[STEER_ANGLE]);
-    derivatives(v, v + FIRST_STATE, v[STEER_ANGLE], v + DER_X);
+    Motion now = derivatives(v, v + FIRST_STATE, v[STEER_ANGLE], v + DER_X);
     v[DER_STEER_ANGLE] = steer_rate(v);
     v[LATERAL_ACCELERATION] = now.acceleration_y;
     v[FRONT_SLIP_ANGLE] = now.front.slip_angle;

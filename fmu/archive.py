@@ -1,0 +1,97 @@
+"""Open an .fmu file: what can be wrong with it is found here, before anything of it runs."""
+
+import tempfile
+import zipfile
+import zlib
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+import fmpy
+from fmpy.model_description import ModelDescription, ScalarVariable
+
+from sidestep.plant_models.errors import InputError
+
+
+@dataclass(frozen=True)
+class UnpackedFmu:
+    """A sound co-simulation FMU on disk.
+
+    Attributes:
+        folder: Where it was unpacked; the owner removes it.
+        is_fmi2: FMI 2.0, else FMI 3.0.
+        name: Of the model.
+        identifier: Of the co-simulation interface: the binary's name.
+        token: GUID or instantiation token.
+        variables: fmpy's description of the variables, by name.
+    """
+
+    folder: Path
+    is_fmi2: bool
+    name: str
+    identifier: str
+    token: str
+    variables: dict[str, ScalarVariable]
+
+
+def unpack(path: Path) -> UnpackedFmu:
+    """Check an FMU and extract it to a new folder.
+
+    Raises:
+        InputError: Not a sound FMU for co-simulation with FMI 2.0 or 3.0 on this machine.
+    """
+    if not path.is_file():
+        raise InputError(str(path), "no such file", "an .fmu file")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+            _check_names(path, names)
+            damaged = archive.testzip()
+            if damaged:
+                raise InputError(str(path), f"{damaged} in it is damaged")
+            description = _read_description(path)
+            identifier = _find_binary(path, description, names)
+            folder = Path(tempfile.mkdtemp(prefix="sidestep-fmu-"))
+            archive.extractall(folder)
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
+        raise InputError(str(path), f"not an FMU, or a truncated one: {error}") from error
+    except OSError as error:
+        raise InputError(str(path), f"cannot be unpacked: {error.strerror or error}") from error
+    return UnpackedFmu(
+        folder=folder,
+        is_fmi2=description.fmiVersion == "2.0",
+        name=str(description.modelName),
+        identifier=identifier,
+        token=str(description.guid),
+        variables={variable.name: variable for variable in description.modelVariables},
+    )
+
+
+def _check_names(path: Path, names: list[str]) -> None:
+    for name in names:
+        if name.startswith("/") or "\\" in name or ":" in name or ".." in PurePosixPath(name).parts:
+            raise InputError(str(path), f"unsafe path {name!r} in the archive: refused")
+    if "modelDescription.xml" not in names:
+        raise InputError(str(path), "not an FMU: no modelDescription.xml in it")
+
+
+def _read_description(path: Path) -> ModelDescription:
+    try:
+        return fmpy.read_model_description(path, validate=False)
+    except Exception as error:  # fmpy raises bare Exception, and whatever its parsers raise
+        raise InputError(str(path), f"modelDescription.xml cannot be read: {error}") from error
+
+
+def _find_binary(path: Path, description: ModelDescription, names: list[str]) -> str:
+    """Model identifier of the co-simulation interface, whose binary for this machine is there."""
+    version = str(description.fmiVersion)
+    if version.startswith("1."):
+        raise InputError(str(path), f"FMI {version}", "FMI 2.0, FMI 3.0")
+    if description.coSimulation is None:
+        raise InputError(str(path), "made for model exchange only", "an FMU for co-simulation")
+    identifier = str(description.coSimulation.modelIdentifier)
+    platform = fmpy.platform if version == "2.0" else fmpy.platform_tuple
+    if f"binaries/{platform}/{identifier}{fmpy.sharedLibraryExtension}" not in names:
+        parts = [PurePosixPath(name).parts for name in names]
+        there = sorted({part[1] for part in parts if part[0] == "binaries" and len(part) > 2})
+        raise InputError(str(path), f"no binary for {platform} in it, but for: {', '.join(there) or 'none'}")
+    return identifier
