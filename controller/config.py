@@ -15,6 +15,8 @@ class ControllerConfig:
         formulation: "corridor" (footprint corridor, soft rows, steering rate as input, exact
             discretisation) or "paper" (Eqs. (7), (13)-(16) to the letter).
         period: Control period, in [s].
+        input_delay_steps: Periods until a command takes effect (1 for one-step-delay coupling); the
+            state is moved forward with the commands already sent.
         cruise_speed: Speed to hold, in [m/s]; None takes that of the first state.
         width_left, width_right: Road edges left and right of the reference, in [m].
         reference_offset: l_ref of Eq. (10), in [m].
@@ -41,6 +43,7 @@ class ControllerConfig:
 
     formulation: str = "corridor"
     period: float = 0.02
+    input_delay_steps: int = 0
     cruise_speed: float | None = None
     width_left: float = 4.0
     width_right: float = 4.0
@@ -78,6 +81,8 @@ class ControllerConfig:
                 continue
             if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
                 raise InputError(f"controller.{f.name}", f"{value!r} is not a finite number")
+            if f.type is int and not isinstance(value, int):
+                raise InputError(f"controller.{f.name}", f"{value!r}", "a whole number >= 0")
             low = _LOWEST.get(f.name, 0.0)
             if value < low or (f.name in _POSITIVE and value <= 0.0):
                 raise InputError(f"controller.{f.name}", f"{value}", "> 0" if f.name in _POSITIVE else f">= {low:g}")

@@ -111,7 +111,7 @@ class Mpc:
 
     def __init__(self, car: Array, period: float, weights: MpcWeights, limits: Limits):
         self._level, self._block = grid(period)
-        self.times = np.cumsum(period * 2.0**self._level)
+        self.times: Array = np.cumsum(period * 2.0**self._level, dtype=np.float64)
         nodes, moves = len(self._level), int(self._block[-1]) + 1
         first = int(np.searchsorted(self.times, FIRST_CORRIDOR_TIME))
         slip_nodes = np.arange(2, min(nodes, 17), 2)
@@ -144,8 +144,7 @@ class Mpc:
         built = time.perf_counter()
         used, iterations = 0, 0
         while True:
-            status = self._run()
-            result = self._solver.result
+            status, result = self._run()
             iterations += int(result.info.iter)
             before = used
             z = np.array(result.x)  # a view that the next solve overwrites
@@ -163,7 +162,7 @@ class Mpc:
             slack_corridor=corridor, slack_slip=slip, build_us=1e6 * (built - began), solve_us=1e6 * (ended - built),
         )  # fmt: skip
 
-    def _run(self) -> piqp.Status:
+    def _run(self) -> tuple[piqp.Status, piqp.Result]:
         p = self.problem
         if self._solver is None:
             self._solver = piqp.DenseSolver()
@@ -173,4 +172,4 @@ class Mpc:
             self._solver.setup(p.P, p.c, None, None, p.G, p.h_l, p.h_u, p.x_l, p.x_u)
         else:
             self._solver.update(P=p.P, c=p.c, G=p.G, h_l=p.h_l, h_u=p.h_u)
-        return self._solver.solve()
+        return self._solver.solve(), self._solver.result

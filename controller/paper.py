@@ -25,7 +25,7 @@ class PaperMpc:
 
     def __init__(self, vehicle: VehicleParameters, weight_steer: float, max_lateral_acceleration: float):
         self.vehicle, self._r, self._a_max = vehicle, weight_steer, max_lateral_acceleration
-        self.times = STEP * np.arange(1, HORIZON + 1)
+        self.times: Array = STEP * np.arange(1.0, HORIZON + 1)
         self.problem: Problem | None = None
 
     def reset(self) -> None:

@@ -10,11 +10,21 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from sidestep.plant_models.vehicle import VehicleParameters
+
 STATES, WIDTH = 6, 8
 HORIZON, COARSEST_STEP = 2.58, 0.16
 """Length of the prediction and of its longest step, in [s]."""
 SLOWEST = 1.0
 """Speed below which the model keeps the dynamics of this speed, in [m/s]: Eq. (5) divides by v."""
+
+
+def model_parameters(vehicle: VehicleParameters) -> NDArray[np.float64]:
+    """Mass, yaw_inertia, l_f, l_r, axle stiffness front and rear, steering time constant; shape (7,)."""
+    return np.array([
+        vehicle.mass, vehicle.yaw_inertia, vehicle.l_f, vehicle.l_r, vehicle.cornering_stiffness_front,
+        vehicle.cornering_stiffness_rear, vehicle.steer_time_constant,
+    ])  # fmt: skip
 
 
 @njit(cache=True, nogil=True)
@@ -23,7 +33,7 @@ def model_block(speed, car):
 
     Args:
         speed: v, in [m/s].
-        car: mass, yaw_inertia, l_f, l_r, axle stiffness front and rear, steering time constant; shape (7,).
+        car: `model_parameters`, shape (7,).
 
     Returns:
         Shape (8, 8); its exponential over dt holds A_k, B_k and the effect of curvature.
@@ -89,6 +99,33 @@ def stage_matrices(speed, car, shortest, levels):
     for i in range(1, levels):
         _multiply(stages[i - 1], stages[i - 1], stages[i])
     return stages
+
+
+@njit(cache=True, nogil=True)
+def advance(state, speed, car, period, commands, turn_rate):
+    """Move a state forward through commands that are already on their way.
+
+    Args:
+        state: Shape (6,).
+        speed, turn_rate: Of the car, in [m/s], and of the road, in [rad/s]; held.
+        car: See `model_block`.
+        period: How long each command is held, in [s].
+        commands: Angles in the order in which they take effect, shape (d,), in [rad].
+
+    Returns:
+        The state after d periods, shape (6,).
+    """
+    x = state.copy()
+    if commands.shape[0] == 0:
+        return x
+    e = exponential(model_block(speed, car), period)
+    carry, road = e[:STATES, :STATES].copy(), e[:STATES, 7] * turn_rate
+    for command in commands:
+        x[5] = command
+        if car[6] <= 1e-3:
+            x[4] = command
+        x = carry @ x + road
+    return x
 
 
 @njit(cache=True, nogil=True)

@@ -14,6 +14,7 @@ from sidestep.controller.mpc import Limits, Mpc, MpcWeights, Solution
 from sidestep.controller.paper import PaperMpc
 from sidestep.controller.plan import Plan
 from sidestep.controller.planner import FREE, PlannedPath, PlannerSettings
+from sidestep.controller.prediction import advance, model_parameters
 from sidestep.controller.stopping import approach_speed, braking_needed
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import ReferencePath
@@ -46,6 +47,7 @@ class SteeringController:
         self._boxes = np.array(
             [(o.s, o.l, o.length, o.width, o.heading, o.speed) for o in self.obstacles], dtype=np.float64
         ).reshape(-1, 6)
+        self._car = model_parameters(vehicle)
         self._literal = self.config.formulation == "paper"
         self._mpc = _paper_mpc(vehicle, self.config) if self._literal else _corridor_mpc(vehicle, self.config)
         self._settings = _planner_settings(vehicle, self.config)
@@ -58,6 +60,7 @@ class SteeringController:
         self.plan: Plan | None = None
         self._good: Plan | None = None
         self._command: SteeringCommand | None = None
+        self._sent: list[float] = []  # the angle in force, then those on their way
         self._station: float | None = None
         self._cruise = self.config.cruise_speed
         self._sides = np.zeros(len(self.obstacles), dtype=np.int64)
@@ -81,20 +84,16 @@ class SteeringController:
             plan = self._fall_back(last.time + self.config.period if last else 0.0, "INPUT")
         self.plan = plan
         self._command = SteeringCommand(plan.time, float(plan.states[1, 5]), plan.target_speed, plan.status)
+        if self._sent:
+            self._sent = [*self._sent[1:], self._command.steer_angle]
         return self._command
 
     def _track(self, state: VehicleState, began: float) -> Plan:
         v = state.v_x
         if self._cruise is None:
             self._cruise = v
-        s, l, heading = self.path.project(state.x, state.y, self._station)  # noqa: E741
-        self._station = s
-        held = self._command.steer_angle if self._command else state.steer_angle
-        x0 = np.array([
-            l, math.remainder(state.yaw - heading, math.tau), state.v_y / max(v, 1.0), state.yaw_rate,
-            state.steer_angle, held,
-        ])  # fmt: skip
-        corridor = self._plan_corridor(s, l, state)
+        s, x0 = self._locate(state)
+        corridor = self._plan_corridor(s, x0[0], state)
         target, stop_distance = self._longitudinal(corridor, v)
         offset, slope = corridor.offset, corridor.slope
         if self._literal:
@@ -103,12 +102,27 @@ class SteeringController:
         solution = self._mpc.solve(x0, v, offset, slope, corridor.turn_rate, corridor.bounds)
         self._sides = corridor.path.sides
         if v < STANDSTILL:
-            solution.states[1:, 5] = held
+            solution.states[1:, 5] = x0[5]
         plan = self._plan(state, s, corridor.path, solution, stop_distance, target, began, planned)
         if not solution.solved or not np.isfinite(solution.states).all():
             return self._fall_back(state.time, solution.status, plan)
         self._good = plan
         return plan
+
+    def _locate(self, state: VehicleState) -> tuple[float, Array]:
+        """Station and prediction state at the time when the next command takes effect."""
+        v, config = state.v_x, self.config
+        s, l, heading = self.path.project(state.x, state.y, self._station)  # noqa: E741
+        self._station = s
+        if not self._sent:
+            self._sent = [state.steer_angle] * (config.input_delay_steps + 1)
+        x0 = np.array([
+            l, math.remainder(state.yaw - heading, math.tau), state.v_y / max(v, 1.0), state.yaw_rate,
+            state.steer_angle, self._sent[0],
+        ])  # fmt: skip
+        pending = np.array(self._sent[1:])
+        s += v * config.period * len(pending)
+        return s, advance(x0, v, self._car, config.period, pending, v * self.path.curvature(s))
 
     def _plan_corridor(self, s: float, l: float, state: VehicleState) -> Corridor:  # noqa: E741
         good = self._good
@@ -187,11 +201,7 @@ def _corridor_mpc(vehicle: VehicleParameters, c: ControllerConfig) -> Mpc:
         c.max_slip * c.friction, vehicle.steer_limit, vehicle.steer_rate_limit,
         (vehicle.front_extent, -vehicle.rear_extent),
     )  # fmt: skip
-    car = np.array([
-        vehicle.mass, vehicle.yaw_inertia, vehicle.l_f, vehicle.l_r, vehicle.cornering_stiffness_front,
-        vehicle.cornering_stiffness_rear, vehicle.steer_time_constant,
-    ])  # fmt: skip
-    return Mpc(car, c.period, weights, limits)
+    return Mpc(model_parameters(vehicle), c.period, weights, limits)
 
 
 def _paper_mpc(vehicle: VehicleParameters, c: ControllerConfig) -> PaperMpc:
