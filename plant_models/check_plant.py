@@ -157,10 +157,8 @@ def _reference_point(plant: Plant, vehicle: VehicleParameters) -> Iterator[str]:
     slip = vehicle.mass * vehicle.l_f * 3.0**2 / (vehicle.wheelbase * vehicle.cornering_stiffness_rear)
     expected, found = vehicle.l_r - slip, end[_V_Y] / end[_YAW_RATE]
     if not abs(found - expected) <= 0.1:
-        yield (
-            f"In a slow bend v_y / yaw_rate is {found:.3g} m, so the reference point lies {found - expected:.2g} m "
-            f"ahead of the centre of gravity."
-        )
+        where = f"{abs(found - expected):.2g} m {'ahead of' if found > expected else 'behind'} the centre of gravity"
+        yield f"In a slow bend v_y / yaw_rate is {found:.3g} m: the reference point lies {where}."
 
 
 def _steering_limits(plant: Plant, vehicle: VehicleParameters) -> Iterator[str]:

@@ -58,7 +58,7 @@ def _row(table, s):
 def curvature_at(table, period, s):
     """Curvature at arc length `s` of any lap, in [1/m]; 0 outside an open path."""
     if period > 0.0:
-        s -= math.floor(s / period) * period
+        s -= np.floor(s / period) * period
     row = _row(table, s)
     return table[row, 4] + table[row, 5] * (s - table[row, 0])
 
@@ -68,7 +68,7 @@ def pose_at(table, period, s):
     """Point, continuous heading and curvature at arc length `s`: x, y, heading, curvature in [m, m, rad, 1/m]."""
     turn = 0.0
     if period > 0.0:
-        lap = math.floor(s / period)
+        lap = np.floor(s / period)
         s -= lap * period
         turn = lap * (table[-1, 3] - table[1, 3])
     row = _row(table, s)
@@ -155,7 +155,7 @@ def _foot(table, period, x, y, low, high):
 def _downhill(table, period, x, y, near):
     """Arc length of the foot in whose basin of attraction `near` lies."""
     count = table.shape[0] - 2
-    lap = math.floor(near / period) if period > 0.0 else 0
+    lap = np.floor(near / period) if period > 0.0 else 0.0
     row = min(max(_row(table, near - lap * period), 1), count)
     distance = _distance(table, row, x, y)
     for step in (1, -1):

@@ -1,5 +1,6 @@
 import math
 import pickle
+from typing import Any
 
 import numpy as np
 import pytest
@@ -69,7 +70,7 @@ def test_a_clothoid_is_fresnels():
 @steady
 @given(paths)
 def test_heading_integrates_curvature_and_points_integrate_heading(path):
-    s = np.linspace(0.0, path.length, 20001)
+    s = np.linspace(0.0, path.length, 2001)
     step, middle = s[1], 0.5 * (s[1:] + s[:-1])
     heading = path.heading(s)
     # The midpoint rule misses half a step's worth of every jump in curvature: 4 joints of 0.3 /m at most.
@@ -113,7 +114,7 @@ def test_projection_inverts_to_cartesian(path, fraction, reach, slip):
 def test_projection_finds_the_nearest_point_of_all(path, fraction, dx, dy):
     x, y = path.to_cartesian(fraction * path.length, 0.0)
     x, y = x + dx, y + dy
-    px, py = path.to_cartesian(np.linspace(0.0, path.length, 4001), 0.0)
+    px, py = path.to_cartesian(np.linspace(0.0, path.length, 1001), 0.0)
     brute = np.hypot(px - x, py - y).min()
     s, l_s, _ = path.project(x, y)
     fx, fy = path.to_cartesian(s, 0.0)
@@ -201,9 +202,11 @@ def test_offsets_broadcast_against_one_station():
 
 
 def test_integers_and_numpy_numbers_are_numbers():
-    assert HAIRPIN.to_cartesian(10, 1) == pytest.approx((10.0, 1.0))
-    assert HAIRPIN.project(np.float32(10.0), np.int64(1), 10) == pytest.approx((10.0, 1.0, 0.0))
-    assert isinstance(HAIRPIN.curvature(np.int64(62)), float)
+    ten: Any = np.float32(10.0)
+    one: Any = np.int64(1)
+    assert HAIRPIN.to_cartesian(10, 1) == HAIRPIN.to_cartesian(ten, one) == pytest.approx((10.0, 1.0))
+    assert HAIRPIN.project(ten, one, 10) == pytest.approx((10.0, 1.0, 0.0))
+    assert isinstance(HAIRPIN.curvature(one), float)
 
 
 def test_a_path_cannot_be_changed_not_even_after_pickling():
@@ -211,7 +214,7 @@ def test_a_path_cannot_be_changed_not_even_after_pickling():
         assert not path.table.flags.writeable
         assert path.closed
         with pytest.raises(AttributeError):
-            path.closed = False
+            setattr(path, "closed", False)  # noqa: B010 (checkers refuse the assignment)
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(CIRCLE)).table, CIRCLE.table)
 
 
@@ -253,9 +256,9 @@ def test_the_path_goes_through_its_way_points_and_stays_arc_length_parametrised(
     np.testing.assert_allclose(l_s, 0.0, atol=1e-8)
     assert np.all(np.diff(s) > 0.0)
     assert (s[0], s[-1]) == pytest.approx((0.0, path.length), abs=1e-8)
-    stations = np.linspace(0.0, path.length, 5001)
+    stations = np.linspace(0.0, path.length, 1001)
     chord = np.hypot(*np.diff(path.to_cartesian(stations, 0.0)))
-    np.testing.assert_allclose(chord, path.length / 5000.0, rtol=1e-5, atol=1e-8)
+    np.testing.assert_allclose(chord, path.length / 1000.0, rtol=1e-5, atol=1e-8)
 
 
 def test_the_splines_curvature_is_continuous():
