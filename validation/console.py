@@ -5,21 +5,24 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 HEADS = (
-    "clearance [m]", "max |a_y| [m/s²]", "max steer rate [rad/s]", "lateral error RMS [m]",
-    "infeasible steps", "step median/p99 [µs]", "CAN frames",
+    "clearance\n[m]", "max |a_y|\n[m/s²]", "max steer\nrate [rad/s]", "lateral error\nRMS [m]", "infeasible\nsteps",
+    "step [µs]\nmedian / p99", "CAN\nframes",
 )  # fmt: skip
 """Columns after plant and verdict."""
 
 
 def number(value: float | None, unit: str, digits: int) -> str:
     """A value with its unit, or a dash where there is none."""
-    return "–" if value is None else f"{value:.{digits}f} {unit}".rstrip()
+    if value is None:
+        return "–"
+    return f"{value:.{digits}f} {unit}".rstrip() if abs(value) < 1e5 else f"{value:.3g} {unit}".rstrip()
 
 
 def cells(summary: dict[str, Any]) -> list[str]:
@@ -39,28 +42,33 @@ def cells(summary: dict[str, Any]) -> list[str]:
 
 
 def print_runs(summaries: Sequence[dict[str, Any]]) -> None:
-    """Print the table, and the reason of every run that could not go on."""
+    """Print a table for every scenario, and the reason of every run that broke off."""
     console = Console()
     if not console.is_terminal:
-        console = Console(width=160)
-    console.print(run_table(summaries))
+        console = Console(width=130)
+    for scenario in dict.fromkeys(s["scenario"] for s in summaries):
+        console.print(_table(scenario, [s for s in summaries if s["scenario"] == scenario]))
     for s in summaries:
         if s["error"]:
             console.print(f"{s['scenario']} on {s['plant']}: {s['error']}", markup=False)
 
 
-def run_table(summaries: Sequence[dict[str, Any]]) -> Table:
-    """A row for every run; the scenario is named where there are several."""
-    table = Table(header_style="bold")
-    table.add_column("scenario")
-    table.add_column("plant")
-    table.add_column("verdict")
+def row_name(summary: dict[str, Any]) -> str:
+    """The plant, and the preset unless it is the default."""
+    return summary["plant"] + (f" ({summary['preset']})" if summary["preset"] != "default" else "")
+
+
+def _table(title: str, summaries: Sequence[dict[str, Any]]) -> Table:
+    table = Table(
+        title=title, title_justify="left", title_style="bold", header_style="", box=SIMPLE_HEAD, pad_edge=False
+    )
+    table.add_column("plant", no_wrap=True)
+    table.add_column("verdict", no_wrap=True)
     for head in HEADS:
         table.add_column(escape(head), justify="right")
     for s in summaries:
         colour = "green" if s["verdict"] == "pass" else "red"
-        plant = s["plant"] + (f" ({s['preset']})" if s["preset"] != "default" else "")
-        table.add_row(s["scenario"], plant, f"[{colour}]{s['verdict']}[/]: {s['label']}", *cells(s))
+        table.add_row(row_name(s), f"[{colour}]{s['verdict']}[/]: {s['label']}", *cells(s))
     return table
 
 

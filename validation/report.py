@@ -7,19 +7,20 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader
 from markupsafe import Markup
 
-from sidestep.validation.console import HEADS, cells, number
+from sidestep.validation.comparison import Line, compared_signals, compared_top_view
+from sidestep.validation.console import HEADS, cells, number, row_name
 from sidestep.validation.files import write_text, written_to
 from sidestep.validation.recording import SAMPLE_UNITS, STEP_UNITS, write_columns
 from sidestep.validation.runs import Run
-from sidestep.validation.signals_figure import compared_signals, signals_figure
-from sidestep.validation.style import BLUE, GREEN, ORANGE, svg
+from sidestep.validation.signals_figure import signals_figure
+from sidestep.validation.style import BLUE, GREEN, ORANGE, PURPLE, svg
 from sidestep.validation.summary import strict_json
-from sidestep.validation.topview import compared_top_view, top_view
+from sidestep.validation.topview import distance, top_view
 
 _PAGES = Environment(
     loader=FileSystemLoader(Path(__file__).parent / "templates"), autoescape=True, trim_blocks=True, lstrip_blocks=True
 )
-_COLOURS = {"linear": ORANGE, "single-track": GREEN, "mujoco": BLUE}
+_COLOURS = {"linear": ORANGE, "single-track": GREEN, "mujoco": BLUE, "linear (paper)": PURPLE}
 
 
 def write_run(run: Run) -> None:
@@ -56,8 +57,8 @@ def _sentence(s: dict[str, Any]) -> str:
     words = f"{s['verdict'].upper()} ({s['label']})"
     if s["min_clearance_m"] is not None:
         words += (
-            f": closest to obstacle {s['min_clearance_obstacle']} by {s['min_clearance_m']:.3f} m"
-            f" at s = {s['min_clearance_station_m']:.1f} m, t = {s['min_clearance_time_s']:.2f} s"
+            f": {distance(s['min_clearance_m'], 3)} at obstacles[{s['min_clearance_obstacle']}]"
+            f", s = {s['min_clearance_station_m']:.1f} m, t = {s['min_clearance_time_s']:.2f} s"
         )
     if s["error"]:
         words += f". {s['error']}"
@@ -119,11 +120,11 @@ def demo_report(runs: Sequence[Run], summaries: Sequence[dict[str, Any]], passed
 
 
 def _scene(name: str, runs: Sequence[Run], summaries: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    shown = [run for run in runs if run.scenario.name == name and run.scenario.controller_preset == "default"]
-    lines = [(run.scenario.plant.name, _COLOURS[run.scenario.plant.name], run.recording) for run in shown]
+    shown = [run for run in runs if run.scenario.name == name]
+    lines = [Line(row_name(run.summary), _COLOURS[row_name(run.summary)], run.recording) for run in shown]
     rows = [
         {
-            "name": s["plant"] + (f" ({s['preset']})" if s["preset"] != "default" else ""),
+            "name": row_name(s),
             "verdict": s["verdict"],
             "label": f"{s['verdict']}: {s['label']}",
             "cells": cells(s),

@@ -33,23 +33,6 @@ def signals_figure(scenario: Scenario, recording: Recording, judgement: Judgemen
     return figure
 
 
-def compared_signals(runs: Sequence[tuple[str, str, Recording]]) -> Figure:
-    """Steering angle and lateral acceleration of several runs; `runs` holds name, colour and recording."""
-    with styled():
-        figure = Figure(figsize=(11.0, 2.6))
-        figure.subplots_adjust(0.045, 0.17, 0.995, 0.9, wspace=0.1)
-        left, right = figure.subplots(1, 2)
-        for name, colour, recording in runs:
-            left.plot(recording["time"], _degrees(recording["steer_angle"]), color=colour)
-            right.plot(recording["time"], recording["lateral_acceleration"], color=colour, label=name)
-        panel(left, "Steering angle", "deg")
-        panel(right, "Lateral acceleration", "m/s²")
-        legend(right)
-        for axes in (left, right):
-            axes.set_xlabel("time  [s]")
-    return figure
-
-
 def _degrees(values: Array) -> Array:
     return np.degrees(values)
 
@@ -68,9 +51,8 @@ def _steering(angle: Axes, rate: Axes, scenario: Scenario, recording: Recording)
     bound = np.arctan(
         vehicle.wheelbase * scenario.controller.max_lateral_acceleration / np.maximum(recording["v_x"], 1.0) ** 2
     )
-    most = float(np.degrees(np.abs(recording["steer_command"]).max(initial=0.0)))
     _limits(angle, _degrees(np.minimum(bound, vehicle.steer_limit)), time, "limit of Eq. (14)")
-    reach = 1.15 * max(most, math.degrees(float(min(bound[0], vehicle.steer_limit))))
+    reach = 1.15 * math.degrees(max(np.abs(recording["steer_angle"]).max(), min(bound[0], vehicle.steer_limit)))
     angle.set_ylim(-reach, reach)
     legend(angle)
     panel(rate, "Steering rate", "deg/s")
@@ -117,13 +99,11 @@ def _step_times(axes: Axes, recording: Recording) -> None:
     times = recording.steps["step_time"]
     if not len(times):
         return
-    low, high = times.min(), max(times.max(), times.min() * 1.1)
-    axes.hist(times, bins=np.geomspace(low, high, 50).tolist(), color=BLUE, alpha=0.75)
-    axes.set_xscale("log")
-    for axis_part in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
-        axis_part("{x:.0f}")
-    for value, name, colour in zip(np.percentile(times, (50, 99)), ("median", "p99"), (INK, RED), strict=True):
-        axes.axvline(value, color=colour, linewidth=1.2, label=f"{name} {value:.0f} µs")
+    median, p99 = np.percentile(times, (50, 99))
+    end = 1.5 * p99  # the last bin takes what is beyond
+    axes.hist(np.minimum(times, end), bins=np.linspace(0.0, end, 60).tolist(), color=BLUE, alpha=0.75)
+    axes.axvline(median, color=INK, label=f"median {median:.0f} µs")
+    axes.axvline(p99, color=RED, label=f"p99 {p99:.0f} µs")
     legend(axes)
 
 

@@ -30,31 +30,24 @@ _WIDTH = 11.0  # of a figure, in [inch]
 def top_view(scenario: Scenario, recording: Recording, judgement: Judgement) -> Figure:
     """The whole run, and the plan as it stood shortly before the closest approach."""
     with styled():
-        views = [_extent(scenario, recording)]
+        views = [driven_extent(recording)]
         plan = _plan_before(recording, judgement)
         if plan is not None:
             views.append((plan.s[0] - 10.0, plan.s[-1]))
-        figure, axes = _figure(scenario.path, views)
+        figure, axes = stacked_axes(scenario.path, views)
         _whole_run(axes[0], scenario, recording, judgement, views[0])
         if plan is not None:
             _one_plan(axes[1], scenario, recording, plan, views[1])
     return figure
 
 
-def compared_top_view(scenario: Scenario, runs: Sequence[tuple[str, str, Recording]]) -> Figure:
-    """The driven paths of several runs of one scenario; `runs` holds name, colour and recording."""
-    with styled():
-        lengths = [_extent(scenario, recording) for _, _, recording in runs]
-        view = min(low for low, _ in lengths), max(high for _, high in lengths)
-        figure, (axes,) = _figure(scenario.path, [view])
-        _road(axes, scenario, view, time=0.0)
-        for name, colour, recording in runs:
-            axes.plot(recording["x"], recording["y"], color=colour, label=name)
-        legend(axes)
-    return figure
+def distance(clearance: float, digits: int) -> str:
+    """A signed clearance in words."""
+    return f"{clearance:.{digits}f} m clear" if clearance > 0.0 else f"{-clearance:.{digits}f} m overlap"
 
 
-def _extent(scenario: Scenario, recording: Recording) -> View:
+def driven_extent(recording: Recording) -> View:
+    """The stations that a run covers, with some room."""
     return float(recording["s"].min()) - 4.0, float(recording["s"].max()) + 4.0
 
 
@@ -71,7 +64,7 @@ def _is_straight(path: ReferencePath) -> bool:
     return bool(np.ptp(np.asarray(path.to_cartesian(np.linspace(0.0, path.length, 50), 0.0)[1])) < 1e-6)
 
 
-def _figure(path: ReferencePath, views: Sequence[View]) -> tuple[Figure, list[Axes]]:
+def stacked_axes(path: ReferencePath, views: Sequence[View]) -> tuple[Figure, list[Axes]]:
     """Axes below each other; a straight road is drawn wider than it is, a curved one true to scale."""
     if _is_straight(path):
         heights = [2.2] * len(views)
@@ -87,7 +80,7 @@ def _figure(path: ReferencePath, views: Sequence[View]) -> tuple[Figure, list[Ax
     return figure, list(grid[:, 0])
 
 
-def _road(axes: Axes, scenario: Scenario, view: View, time: float) -> None:
+def draw_road(axes: Axes, scenario: Scenario, view: View, time: float) -> None:
     """Road surface, edges, reference path, and the obstacles where they are at `time`."""
     path, config = scenario.path, scenario.controller
     s = np.linspace(*view, 400)
@@ -99,13 +92,8 @@ def _road(axes: Axes, scenario: Scenario, view: View, time: float) -> None:
     boxes = [obstacle_boxes(path, obstacle, np.array([time]))[0] for obstacle in scenario.obstacles]
     axes.add_collection(PolyCollection(boxes, facecolor=RED, edgecolor=RED, alpha=0.85, zorder=3), autolim=False)
     if _is_straight(path):
-        edges = -config.width_right, config.width_left
-        axes.set(
-            xlim=view,
-            ylim=(edges[0] - 0.6, edges[1] + 0.6),
-            xlabel="along the road  [m]",
-            ylabel="across, stretched  [m]",
-        )
+        axes.set(xlim=view, ylim=(-config.width_right - 0.6, config.width_left + 0.6))
+        axes.set(xlabel="along the road  [m]", ylabel="across, stretched  [m]")
     else:
         axes.set_aspect("equal", adjustable="datalim")
         axes.set(xlabel="x  [m]", ylabel="y  [m]")
@@ -123,33 +111,36 @@ def _band(axes: Axes, scenario: Scenario, s: Array, left: Array, right: Array, l
 
 
 def _whole_run(axes: Axes, scenario: Scenario, recording: Recording, judgement: Judgement, view: View) -> None:
-    _road(axes, scenario, view, judgement.time or 0.0)
+    draw_road(axes, scenario, view, judgement.time or 0.0)
     met = np.array([(plan.s[0], plan.left[0], plan.right[0]) for plan in recording.plans]).reshape(-1, 3)
     _band(axes, scenario, *met.T, label="corridor for the car's centre, as met")
-    _cars(axes, scenario, recording, np.arange(0.0, recording["time"][-1], OUTLINE_EVERY), facecolor="none")
+    draw_cars(axes, scenario, recording, np.arange(0.0, recording["time"][-1], OUTLINE_EVERY), facecolor="none")
     axes.plot(recording["x"], recording["y"], color=BLUE, label="driven path", zorder=4)
-    if judgement.time is not None:
-        _cars(axes, scenario, recording, np.array([judgement.time]), facecolor=BLUE)
+    if judgement.time is not None and judgement.min_clearance is not None:
+        draw_cars(axes, scenario, recording, np.array([judgement.time]), facecolor=BLUE)
         i = int(np.argmin(np.abs(recording["time"] - judgement.time)))
         axes.annotate(
-            f"{judgement.min_clearance:.2f} m clear", (recording["x"][i], recording["y"][i]), (0, 16),
+            distance(judgement.min_clearance, 2), (recording["x"][i], recording["y"][i]), (0, 16),
             textcoords="offset points", ha="center", fontsize=8.5, fontweight="bold", zorder=6,
         )  # fmt: skip
     axes.set_title(f"The run: outlines every {OUTLINE_EVERY:g} s, closest approach filled")
     legend(axes)
 
 
-def _cars(axes: Axes, scenario: Scenario, recording: Recording, times: Array, facecolor: str) -> None:
+def draw_cars(
+    axes: Axes, scenario: Scenario, recording: Recording, times: Array, facecolor: str, edgecolor: str = BLUE
+) -> None:
+    """Outlines of the car where it is at `times` [s]."""
     index = np.searchsorted(recording["time"], times - 1e-9)
     boxes = car_boxes(scenario.vehicle, *(recording[name][index] for name in ("x", "y", "yaw")))
     fade = 0.35 if facecolor != "none" else 0.8
-    cars = PolyCollection(list(boxes), facecolor=facecolor, edgecolor=BLUE, linewidth=1.0, alpha=fade, zorder=3.5)
+    cars = PolyCollection(list(boxes), facecolor=facecolor, edgecolor=edgecolor, linewidth=1.0, alpha=fade, zorder=3.5)
     axes.add_collection(cars, autolim=False)
 
 
 def _one_plan(axes: Axes, scenario: Scenario, recording: Recording, plan: Any, view: View) -> None:
     path = scenario.path
-    _road(axes, scenario, view, plan.time)
+    draw_road(axes, scenario, view, plan.time)
     _band(axes, scenario, plan.s, plan.left, plan.right, label="corridor for the car's centre")
     shown = (recording["s"] >= view[0]) & (recording["s"] <= view[1])
     axes.plot(
@@ -159,6 +150,6 @@ def _one_plan(axes: Axes, scenario: Scenario, recording: Recording, plan: Any, v
     predicted = path.to_cartesian(plan.states_s, plan.states[:, 0])
     axes.plot(*predicted, color=ORANGE, marker="o", markersize=3.5, linewidth=1.2, markeredgecolor=PAPER,
               markeredgewidth=0.4, label="predicted by the controller", zorder=5)  # fmt: skip
-    _cars(axes, scenario, recording, np.array([plan.time]), facecolor=BLUE)
+    draw_cars(axes, scenario, recording, np.array([plan.time]), facecolor=BLUE)
     axes.set_title(f"The plan at t = {plan.time:.2f} s")
     legend(axes)
