@@ -48,7 +48,7 @@ class SuspensionParameters:
     wheel_spin_inertia: float
 
     def __post_init__(self) -> None:
-        _require_positive(self, skip=("anti_roll_front", "anti_roll_rear"))
+        _require_positive(self, or_zero=("anti_roll_front", "anti_roll_rear"))
 
 
 @dataclass(frozen=True)
@@ -92,8 +92,8 @@ class VehicleParameters:
     suspension: SuspensionParameters | None = None
 
     def __post_init__(self) -> None:
-        _require_positive(self, skip=("steer_time_constant",))
-        if not 0.0 <= self.steer_time_constant < 1.0:
+        _require_positive(self, or_zero=("steer_time_constant",))
+        if self.steer_time_constant >= 1.0:
             raise InputError("vehicle.steer_time_constant", f"{self.steer_time_constant} s", "0 <= value < 1")
         if self.steer_limit >= math.pi / 2:
             raise InputError("vehicle.steer_limit", f"{self.steer_limit} rad", "0 < value < pi/2")
@@ -150,11 +150,13 @@ class VehicleParameters:
         except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise InputError(str(path), str(error)) from error
         data.setdefault("name", Path(path).stem)
-        tyre = _build(TyreParameters, "vehicle.tyre", data.pop("tyre", {}))
-        suspension = data.pop("suspension", None)
-        if suspension is not None:
-            suspension = _build(SuspensionParameters, "vehicle.suspension", suspension)
-        vehicle = _build(cls, "vehicle", {**data, "tyre": tyre, "suspension": suspension})
+        try:
+            data["tyre"] = _build(TyreParameters, "vehicle.tyre", data.get("tyre", {}))
+            if "suspension" in data:
+                data["suspension"] = _build(SuspensionParameters, "vehicle.suspension", data["suspension"])
+            vehicle = _build(cls, "vehicle", data)
+        except InputError as error:
+            raise InputError(f"{path}: {error.where}", error.problem, error.allowed) from error
         return vehicle.with_(**overrides) if overrides else vehicle
 
     def with_(self, **overrides: Any) -> "VehicleParameters":
@@ -173,7 +175,9 @@ def vehicle_presets() -> tuple[str, ...]:
     return tuple(sorted(file.stem for file in _PRESETS.glob("*.toml")))
 
 
-def _build(cls: type, where: str, data: dict[str, Any]) -> Any:
+def _build(cls: type, where: str, data: Any) -> Any:
+    if not isinstance(data, dict):
+        raise InputError(where, f"{data!r} is not a table", ", ".join(f.name for f in fields(cls)))
     for key in data:
         _require_known(cls, where, key)
     missing = [f.name for f in fields(cls) if f.name not in data and _is_required(f)]
@@ -192,13 +196,13 @@ def _require_known(cls: type, where: str, key: str) -> None:
         raise InputError(f"{where}.{key}", "unknown key", ", ".join(names))
 
 
-def _require_positive(record: Any, skip: tuple[str, ...] = ()) -> None:
+def _require_positive(record: Any, or_zero: tuple[str, ...]) -> None:
     table = "vehicle" if isinstance(record, VehicleParameters) else "vehicle.suspension"
     for f in fields(record):
-        value = getattr(record, f.name)
-        if f.name in ("name", "tyre", "suspension") or f.name in skip:
+        if f.name in ("name", "tyre", "suspension"):
             continue
+        value, allowed = getattr(record, f.name), ">= 0" if f.name in or_zero else "> 0"
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InputError(f"{table}.{f.name}", f"{value!r} is not a number", "a number > 0")
-        if not (math.isfinite(value) and value > 0.0):
-            raise InputError(f"{table}.{f.name}", f"{value}", "> 0")
+            raise InputError(f"{table}.{f.name}", f"{value!r} is not a number", f"a number {allowed}")
+        if not math.isfinite(value) or value < 0.0 or (value == 0.0 and f.name not in or_zero):
+            raise InputError(f"{table}.{f.name}", f"{value}", allowed)
