@@ -109,6 +109,16 @@ def test_what_the_bus_does_not_take_is_lost_and_the_last_command_held(monkeypatc
         assert port.receiver.counts[CheckStatus.OKSOMELOST] == 1
 
 
+def test_a_frame_that_arrives_twice_counts_once(monkeypatch):
+    with SteeringPort("virtual:twice") as port:
+        send = port._bus.send
+        monkeypatch.setattr(port._bus, "send", lambda message: send(message) and send(message))
+        for command in slalom(20):
+            assert_same_but_quantised(port.transmit(command), command)
+        assert (port.sent, port.lost) == (20, 0)
+        assert port.receiver.counts[CheckStatus.REPEATED] == 20
+
+
 def test_nothing_arrived_yet():
     with SteeringPort("virtual:deaf") as port:
         port._bus.receive = lambda timeout=0.0: None

@@ -114,7 +114,7 @@ class SteeringPort:
         while message := self._bus.receive(max(0.0, deadline - monotonic()) if deadline else 0.0):
             usable = self._accept(message, time)
             if message.data == expected:
-                accepted, deadline = usable, 0.0
+                accepted, deadline = accepted or usable, 0.0
         return accepted
 
     def _accept(self, message: can.Message, time: float) -> bool:
