@@ -1,0 +1,71 @@
+"""The packages' seams: imports point one way, and the controller comes without the heavy libraries."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import sidestep.controller
+
+ROOT = Path(sidestep.controller.__file__).parents[1]
+LAYERS = ("plant_models", "controller", "fmu", "validation")
+"""Each may import from itself and those before it."""
+
+ALL = {"numpy", "scipy", "numba", "llvmlite", "piqp"}
+"""What the controller may load beside the standard library (llvmlite is numba's)."""
+
+
+def imported_modules(file: Path) -> set[str]:
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    names = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    return names | {node.module or "." for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+
+
+@pytest.mark.parametrize("layer", LAYERS)
+def test_imports_point_one_way(layer):
+    allowed = LAYERS[: LAYERS.index(layer) + 1]
+    files = sorted((ROOT / layer).rglob("*.py"))
+    imported = {name.split(".")[1] for file in files for name in imported_modules(file) if name.startswith("sidestep.")}
+    assert layer in imported  # the files were found and understood
+    assert imported <= set(allowed)
+
+
+@pytest.mark.parametrize("layer", LAYERS)
+def test_imports_are_absolute(layer):
+    relative = [file for file in (ROOT / layer).rglob("*.py") if "." in imported_modules(file)]
+    assert relative == []
+
+
+def test_controller_runs_on_its_four_libraries_alone():
+    """As in an environment with numpy, scipy, numba and piqp only: everything else that is installed is hidden."""
+    script = f"""
+import sys, sysconfig
+from importlib.machinery import PathFinder
+
+class Hidden:
+    @staticmethod
+    def find_spec(name, path=None, target=None):
+        top = name.partition(".")[0]
+        if top in {ALL!r} or top == "sidestep":
+            return None
+        spec = PathFinder.find_spec(name, path, target)
+        if spec and "site-packages" in (spec.origin or "site-packages"):
+            raise ModuleNotFoundError("hidden: " + name)
+
+sys.meta_path.insert(0, Hidden)
+from sidestep.controller import SteeringController
+from sidestep.plant_models import Line, Obstacle, ReferencePath, VehicleParameters, VehicleState
+
+road = ReferencePath.from_segments([Line(100.0)])
+box = Obstacle(40.0, 0.0, 4.5, 1.8)
+controller = SteeringController(VehicleParameters.preset("bmw-320i"), road, [box])
+assert controller.step(VehicleState(v_x=15.0)).status.name == "TRACKING"
+print(*sorted({{name.partition(".")[0] for name in sys.modules}}))
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    loaded = set(done.stdout.split())
+    assert ALL <= loaded
+    assert not loaded & {"mujoco", "fmpy", "can", "cantools", "matplotlib", "msgspec"}
