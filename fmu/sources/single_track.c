@@ -9,10 +9,15 @@ enum { N_INTEGRATED = STEER_ANGLE - FIRST_STATE }; /* the steering actuator is s
 static const double TYRE_RESERVE = 0.9;       /* braking and driving take no more than this part of the peak */
 static const double STANDSTILL_SPEED = 1.0;   /* carcass damping fades out until this speed [m/s] */
 static const double STANDSTILL_DAMPING = 0.05; /* [s] */
+static const double SLIDING_SPEED = 60.0;     /* keeps the rate of slip below (V + this) / sigma [m/s] */
 static const double HOLD_SPEED = 0.1;         /* below, the brakes hold the car [m/s] */
 
 typedef struct {
-    double slip_angle, force_x, force_y, deflection_rate;
+    double force, peak, steepness; /* steepness = cornering stiffness / peak */
+} Tyre;
+
+typedef struct {
+    double slip_angle, force_x, force_y, slip_rate;
 } Axle;
 
 typedef struct {
@@ -37,30 +42,30 @@ static double cornering_stiffness(double load, const double v[]) {
     return v[TYRE_P_KY1] * v[TYRE_NOMINAL_LOAD] * 2.0 * t / (1.0 + t * t); /* = sin(2 atan(t)) */
 }
 
-/* Magic Formula, pure lateral slip, one tyre [N]. */
-static double lateral_force(double slip_angle, double load, const double v[]) {
-    if (load <= 0.0 || v[FRICTION] <= 0.0) return 0.0;
-    double peak = peak_factor(v[TYRE_P_DY1], v[TYRE_P_DY2], load, v) * load * v[FRICTION];
-    double x = cornering_stiffness(load, v) / (v[TYRE_P_CY1] * peak) * slip_angle;
-    return peak * sin(v[TYRE_P_CY1] * atan(x - v[TYRE_P_EY1] * (x - atan(x))));
+/* Magic Formula, pure lateral slip, one tyre. */
+static Tyre lateral(double slip_angle, double load, const double v[]) {
+    Tyre tyre = {0.0, 0.0, 0.0};
+    if (load <= 0.0 || v[FRICTION] <= 0.0) return tyre;
+    tyre.peak = peak_factor(v[TYRE_P_DY1], v[TYRE_P_DY2], load, v) * load * v[FRICTION];
+    tyre.steepness = cornering_stiffness(load, v) / tyre.peak;
+    double x = tyre.steepness / v[TYRE_P_CY1] * slip_angle;
+    tyre.force = tyre.peak * sin(v[TYRE_P_CY1] * atan(x - v[TYRE_P_EY1] * (x - atan(x))));
+    return tyre;
 }
 
 /* Two tyres under `load` in all, whose wheels move with u, w along and across themselves, asked for `demand`. */
-static Axle axle(double u, double w, double deflection, double load, double demand, const double v[]) {
-    Axle a = {0.0, 0.0, 0.0, 0.0};
-    double speed = sqrt(u * u + w * w), sigma = v[TYRE_RELAXATION_Y];
-    double fading = speed < STANDSTILL_SPEED ? 1.0 - speed / STANDSTILL_SPEED : 0.0;
-    double damping = STANDSTILL_DAMPING * fading * fading;
-    double wheel_load = larger(load / 2.0, 0.0);
+static Axle axle(double u, double w, double slip, double load, double demand, const double v[]) {
+    Axle a = {asin(clip(slip, -1.0, 1.0)), 0.0, 0.0, 0.0};
+    double speed = sqrt(u * u + w * w), sigma = v[TYRE_RELAXATION_Y], wheel_load = larger(load / 2.0, 0.0);
     double peak_x = 2.0 * peak_factor(v[TYRE_P_DX1], v[TYRE_P_DX2], wheel_load, v) * wheel_load * v[FRICTION];
-    a.slip_angle = asin(clip((deflection - damping * w) / sigma, -1.0, 1.0));
-    a.deflection_rate = -w - speed / sigma * deflection;
-    a.force_y = 2.0 * lateral_force(a.slip_angle, wheel_load, v);
-    if (peak_x > 0.0) {
-        double used = clip(demand / peak_x, -TYRE_RESERVE, TYRE_RESERVE);
-        a.force_x = used * peak_x;
-        a.force_y *= sqrt(1.0 - used * used);
-    }
+    double fading = speed < STANDSTILL_SPEED ? 1.0 - speed / STANDSTILL_SPEED : 0.0;
+    Tyre tyre = lateral(a.slip_angle, wheel_load, v);
+    double damping = STANDSTILL_DAMPING * fading * fading * tyre.steepness * tyre.peak / sigma;
+    double used = peak_x > 0.0 ? clip(demand / peak_x, -TYRE_RESERVE, TYRE_RESERVE) : 0.0;
+    a.force_x = used * peak_x;
+    a.force_y = 2.0 * clip(tyre.force - damping * w, -tyre.peak, tyre.peak) * sqrt(1.0 - used * used);
+    double q = tyre.steepness * slip * tyre.steepness * slip; /* > 1: sliding, where the relaxation length shrinks */
+    a.slip_rate = (1.0 + q / (1.0 + q * speed / SLIDING_SPEED)) * (-w - speed * slip) / sigma;
     return a;
 }
 
@@ -77,9 +82,9 @@ static Motion motion(const double v[], const double s[], double steer_angle) {
     double load_r = weight - load_f;
     double front_y = v_y + v[L_F] * r, rear_y = v_y - v[L_R] * r;
     double demand = m * a_x / weight; /* per load: both axles use the same part of their grip */
-    result.front = axle(v_x * c + front_y * d, front_y * c - v_x * d, s[FRONT_DEFLECTION - FIRST_STATE],
+    result.front = axle(v_x * c + front_y * d, front_y * c - v_x * d, s[FRONT_SLIP - FIRST_STATE],
                         load_f, demand * load_f, v);
-    result.rear = axle(v_x, rear_y, s[REAR_DEFLECTION - FIRST_STATE], load_r, demand * load_r, v);
+    result.rear = axle(v_x, rear_y, s[REAR_SLIP - FIRST_STATE], load_r, demand * load_r, v);
     double body_x = result.front.force_x * c - result.front.force_y * d;
     double body_y = result.front.force_x * d + result.front.force_y * c;
     result.front.force_x = body_x;
@@ -99,8 +104,8 @@ static Motion derivatives(const double v[], const double s[], double steer_angle
     rate[V_X - FIRST_STATE] = now.acceleration_x + v_y * r;
     rate[V_Y - FIRST_STATE] = now.acceleration_y - v_x * r;
     rate[YAW_RATE - FIRST_STATE] = (v[L_F] * now.front.force_y - v[L_R] * now.rear.force_y) / v[YAW_INERTIA];
-    rate[FRONT_DEFLECTION - FIRST_STATE] = now.front.deflection_rate;
-    rate[REAR_DEFLECTION - FIRST_STATE] = now.rear.deflection_rate;
+    rate[FRONT_SLIP - FIRST_STATE] = now.front.slip_rate;
+    rate[REAR_SLIP - FIRST_STATE] = now.rear.slip_rate;
     return now;
 }
 
@@ -155,10 +160,10 @@ void model_evaluate(double v[]) {
     v[REAR_SLIP_ANGLE] = now.rear.slip_angle;
 }
 
-/* Deflection of tyres that have rolled like this for long. */
-static double settled(double u, double w, const double v[]) {
+/* Slip of tyres that have rolled like this for long. */
+static double settled(double u, double w) {
     double speed = sqrt(u * u + w * w);
-    return speed > HOLD_SPEED ? -v[TYRE_RELAXATION_Y] * w / speed : 0.0;
+    return speed > HOLD_SPEED ? -w / speed : 0.0;
 }
 
 void model_initialise(double v[]) {
@@ -171,6 +176,6 @@ void model_initialise(double v[]) {
     v[STEER_ANGLE] = v[STEER_ANGLE_0];
     double delta = v[STEER_ANGLE] + v[STEER_OFFSET], c = cos(delta), d = sin(delta);
     double front_y = v[V_Y] + v[L_F] * v[YAW_RATE], rear_y = v[V_Y] - v[L_R] * v[YAW_RATE];
-    v[FRONT_DEFLECTION] = settled(v[V_X] * c + front_y * d, front_y * c - v[V_X] * d, v);
-    v[REAR_DEFLECTION] = settled(v[V_X], rear_y, v);
+    v[FRONT_SLIP] = settled(v[V_X] * c + front_y * d, front_y * c - v[V_X] * d);
+    v[REAR_SLIP] = settled(v[V_X], rear_y);
 }
