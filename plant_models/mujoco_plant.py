@@ -65,7 +65,7 @@ class MujocoPlant:
             d.sensordata, d.xipos, d.xmat, d.qpos, d.qvel, d.xfrc_applied, d.ctrl, d.mocap_pos
         )  # fmt: skip
         self._track = np.zeros((2, 0, 3))  # of the obstacles during one step
-        self._state: VehicleState | None = None
+        self._is_reset = False
 
     def reset(self, state: VehicleState) -> VehicleState:
         """Put the car at `state`: on its springs, wheels rolling, the steering angle cut to its limit.
@@ -79,6 +79,7 @@ class MujocoPlant:
         limit, cos, sin = self._vehicle.steer_limit, math.cos(state.yaw), math.sin(state.yaw)
         state = replace(state, steer_angle=min(max(state.steer_angle, -limit), limit))
         position, velocity, own = self.data.qpos, self.data.qvel, self._own[0]
+        self.data.time = state.time
         position[:2] = state.x, state.y
         position[3:7] = _quaternion(state.yaw)
         velocity[:2] = cos * state.v_x - sin * state.v_y, sin * state.v_x + cos * state.v_y
@@ -88,8 +89,8 @@ class MujocoPlant:
         self._place_obstacles(state.time)
         self._planar[2] = state.yaw  # the branch to stay on
         observe(self._car, self._own, position, velocity)
-        self._state = VehicleState(state.time, *self._planar.tolist())
-        return self._state
+        self._is_reset = True
+        return VehicleState(state.time, *self._planar.tolist())
 
     def _set_rolling(self, state: VehicleState) -> None:
         """Wheels that roll and tyres that slip as they do in a steady motion."""
@@ -113,8 +114,8 @@ class MujocoPlant:
             PlantError: Not reset yet, or the simulation diverges.
             InputError: dt is not a positive number.
         """
-        state, own = self._state, self._own
-        if state is None:
+        own, start = self._own, self.data.time
+        if not self._is_reset:
             raise PlantError("step before reset")
         if not 0.0 < dt < math.inf:
             raise InputError("dt", f"{dt} s", "> 0")
@@ -123,28 +124,27 @@ class MujocoPlant:
             own["steer_command"] = min(max(command.steer_angle, -limit), limit)
         if math.isfinite(command.target_speed):
             own["target_speed"] = command.target_speed
-        steps = math.ceil(dt / self._time_step - 1e-9)
+        steps = max(1, math.ceil(dt / self._time_step - 1e-9))
         self.model.opt.timestep = dt / steps
-        time = state.time + dt
         if self._moves:
             before = self.data.mocap_pos.copy()
-            self._place_obstacles(time)
+            self._place_obstacles(start + dt)
             self._track = np.stack((before, self.data.mocap_pos))
         advance(
             steps, dt / steps, self.model._address, self.data._address, self._car, own, *self._views, self._track
         )  # fmt: skip
-        following = VehicleState(time, *self._planar.tolist())
-        if not following.is_finite():
-            raise PlantError(f"the MuJoCo simulation diverges after {state.time:.3f} s")
-        self._state = following
-        return following
+        state = VehicleState(self.data.time, *self._planar.tolist())
+        if not state.is_finite():
+            raise PlantError(f"the MuJoCo simulation diverges after {start:.3f} s")
+        return state
 
     def _place_obstacles(self, time: float) -> None:
+        road = self._path
         for i, obstacle in enumerate(self._obstacles):
-            box, road = obstacle.at(time), self._path
-            x, y = road.to_cartesian(box.s, box.l) if road else (box.s, box.l)
+            box = obstacle.at(time)
+            x, y, yaw = (box.s, box.l, 0.0) if road is None else (*road.to_cartesian(box.s, box.l), road.heading(box.s))
             self.data.mocap_pos[i] = x, y, 0.0
-            self.data.mocap_quat[i] = _quaternion(box.heading + (road.heading(box.s) if road else 0.0))
+            self.data.mocap_quat[i] = _quaternion(yaw + box.heading)
 
     @property
     def collided(self) -> bool:
