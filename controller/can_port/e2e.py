@@ -101,11 +101,16 @@ class Receiver:
         profile: Protection of the message.
         length: Bytes of the message.
         max_delta: Largest step of the counter that is still OKSOMELOST.
+
+    Attributes:
+        counts: How often each outcome came.
+        lost: Frames that the steps of the counter say were lost between accepted ones.
     """
 
     def __init__(self, profile: Profile, length: int, max_delta: int = 3):
         self.profile, self.length, self.max_delta = profile, length, max_delta
         self.counts: Counter[CheckStatus] = Counter()
+        self.lost = 0
         self._last: int | None = None
 
     def check(self, data: bytes | bytearray | None) -> CheckStatus:
@@ -130,6 +135,7 @@ class Receiver:
     def _judge(self, delta: int) -> CheckStatus:
         if delta == 0:
             return CheckStatus.REPEATED
-        if delta == 1:
-            return CheckStatus.OK
-        return CheckStatus.OKSOMELOST if delta <= self.max_delta else CheckStatus.WRONGSEQUENCE
+        if delta > self.max_delta:
+            return CheckStatus.WRONGSEQUENCE
+        self.lost += delta - 1
+        return CheckStatus.OK if delta == 1 else CheckStatus.OKSOMELOST

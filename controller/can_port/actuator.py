@@ -1,0 +1,144 @@
+"""The steering actuator's decision: follow, hold, or steer back to zero. Pure and in any time, simulated or real.
+
+    INIT          nothing accepted yet           wheels and speed stay as they are
+    ACTIVE        accepted within 25 ms          follow the command within the rate limits
+    STANDBY       accepted, but not enabled      steer back to zero, speed as commanded
+    HOLD          accepted within 50 ms          hold angle and speed
+    RAMP_TO_ZERO  longer ago                     steer back to zero at 0.3 rad/s and stop
+    FAULT         steering angle not measurable  hold the angle and stop, for good
+
+A command is accepted if its check says OK or OKSOMELOST while the E2E state machine is VALID.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from math import inf, isfinite
+
+from sidestep.controller.can_port.database import ProtectedMessage
+from sidestep.controller.can_port.e2e import ACCEPTED, Receiver
+from sidestep.controller.can_port.e2e_state import E2EState, E2EStateMachine
+from sidestep.controller.can_port.messages import (
+    MAX_ANGLE,
+    MAX_RATE_LIMIT,
+    STEER_CMD,
+    ActuatorState,
+    SteerFrame,
+    SteerStatus,
+    decode_steer_command,
+)
+from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
+
+_INSTANT = 1e-9  # two times closer than this are the same, in [s]
+
+
+@dataclass(frozen=True)
+class ActuatorConfig:
+    """Limits of the steering actuator.
+
+    Attributes:
+        active_age: Oldest command that is followed, in [s].
+        hold_age: Oldest command that is held, in [s].
+        ramp_rate: Rate of the way back to zero, in [rad/s].
+        angle_limit: Largest road-wheel angle, in [rad].
+        rate_limit: Largest road-wheel rate, in [rad/s]; the command may ask for less.
+    """
+
+    active_age: float = 0.025
+    hold_age: float = 0.050
+    ramp_rate: float = 0.3
+    angle_limit: float = MAX_ANGLE
+    rate_limit: float = MAX_RATE_LIMIT
+
+    def __post_init__(self) -> None:
+        limits = (self.active_age, self.hold_age, self.ramp_rate, self.angle_limit, self.rate_limit)
+        if not (all(0.0 < limit < inf for limit in limits) and self.active_age <= self.hold_age):
+            raise InputError("actuator", f"{self}", "finite numbers > 0, active_age <= hold_age")
+
+
+class Actuator:
+    """Steering actuator on the bus; `step` is called once every cycle.
+
+    Args:
+        config: Limits.
+        message: STEER_CMD in the protection in use.
+
+    Attributes:
+        state: Present state.
+        report: What the last `step` has to say on STEER_STATUS; None before it.
+        receiver: Check of the command, with its counts.
+        channel: E2E state machine of the command.
+    """
+
+    def __init__(self, config: ActuatorConfig | None = None, message: ProtectedMessage = STEER_CMD):
+        self.config = config or ActuatorConfig()
+        self.state = ActuatorState.INIT
+        self.report: SteerStatus | None = None
+        self.receiver = Receiver(message.profile, message.length)
+        self.channel = E2EStateMachine()
+        self._message = message
+        self._frame: SteerFrame | None = None  # the last accepted one
+        self._target = 0.0
+        self._last: VehicleState | None = None
+
+    def step(self, frames: Iterable[bytes | bytearray], vehicle: VehicleState) -> SteeringCommand:
+        """What steering and speed control do until the next cycle.
+
+        Args:
+            frames: STEER_CMD frames that arrived since the last call, oldest first.
+            vehicle: State now; its time must not go backwards.
+        """
+        self._receive(frames, vehicle.time)
+        self.state = self._next_state(vehicle)
+        elapsed = max(0.0, vehicle.time - self._last.time) if self._last else 0.0
+        if self.state is not ActuatorState.FAULT and (self.state is ActuatorState.INIT or self._last is None):
+            self._target = vehicle.steer_angle
+        self._target = self._next_target(elapsed)
+        self.report = self._report(vehicle, elapsed)
+        self._last = vehicle
+        return self._command(vehicle)
+
+    def _receive(self, frames: Iterable[bytes | bytearray], time: float) -> None:
+        for data in list(frames) or [None]:
+            status = self.receiver.check(data)
+            valid = self.channel.add(status) is E2EState.VALID
+            if data is not None and valid and status in ACCEPTED:
+                self._frame = decode_steer_command(data, time, self._message)
+
+    def _next_state(self, vehicle: VehicleState) -> ActuatorState:
+        if self.state is ActuatorState.FAULT or not isfinite(vehicle.steer_angle):
+            return ActuatorState.FAULT
+        if self._frame is None:
+            return ActuatorState.INIT
+        age = vehicle.time - self._frame.command.time - _INSTANT
+        if age <= self.config.active_age:
+            return ActuatorState.ACTIVE if self._frame.enable else ActuatorState.STANDBY
+        return ActuatorState.HOLD if age <= self.config.hold_age else ActuatorState.RAMP_TO_ZERO
+
+    def _next_target(self, elapsed: float) -> float:
+        """Angle to go to, in [rad]."""
+        if self.state is ActuatorState.ACTIVE and self._frame:
+            limit = self.config.angle_limit
+            wanted = min(max(self._frame.command.steer_angle, -limit), limit)
+            return _towards(wanted, self._target, elapsed * min(self._frame.rate_limit, self.config.rate_limit))
+        if self.state in (ActuatorState.STANDBY, ActuatorState.RAMP_TO_ZERO):
+            return _towards(0.0, self._target, elapsed * self.config.ramp_rate)
+        return self._target
+
+    def _command(self, vehicle: VehicleState) -> SteeringCommand:
+        if self.state is ActuatorState.INIT:
+            return SteeringCommand(vehicle.time, self._target, vehicle.v_x, Status.FAULT)
+        if self._frame is None or self.state in (ActuatorState.RAMP_TO_ZERO, ActuatorState.FAULT):
+            return SteeringCommand(vehicle.time, self._target, 0.0, Status.FAULT)
+        asked = self._frame.command
+        status = asked.status if self.state is ActuatorState.ACTIVE else max(asked.status, Status.DEGRADED)
+        return SteeringCommand(vehicle.time, self._target, asked.target_speed, status)
+
+    def _report(self, vehicle: VehicleState, elapsed: float) -> SteerStatus:
+        rate = (vehicle.steer_angle - self._last.steer_angle) / elapsed if self._last and elapsed > 0.0 else 0.0
+        return SteerStatus(self.state, vehicle.steer_angle, rate, self.channel.state, self.receiver.lost)
+
+
+def _towards(goal: float, start: float, reach: float) -> float:
+    """`start` moved towards `goal` by `reach` at most."""
+    return start + min(max(goal - start, -reach), reach)
