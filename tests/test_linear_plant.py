@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
+from sidestep import plant_models
 from sidestep.plant_models.bicycle import continuous, discretise
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.linear_plant import LinearPlant, advance, steered
@@ -235,8 +236,15 @@ def test_misuse():
 def test_a_car_that_is_thrown_out_of_bounds_ends_the_drive():
     plant = LinearPlant(BMW)
     plant.reset(VehicleState(v_x=15.0, v_y=1e307))
-    with pytest.raises(PlantError, match="bounds"):
+    with pytest.raises(PlantError, match="bounds"), np.errstate(all="ignore"):
         plant.step(SteeringCommand(0.0, 0.0, 15.0), 1.0)
+
+
+def test_every_public_name_is_there_and_no_other():
+    for name in plant_models.__all__:
+        assert getattr(plant_models, name).__name__ == name
+    with pytest.raises(AttributeError, match="no attribute 'FluxPlant'"):
+        plant_models.FluxPlant  # noqa: B018 (the access is the test)
 
 
 def test_importing_the_models_loads_nothing_heavy():
