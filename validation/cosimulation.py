@@ -28,7 +28,7 @@ from sidestep.validation.scenario import Scenario
 PLANT_STEP = 0.01
 """Longest plant step, and the period of the command frames on the bus, in [s]."""
 
-STANDSTILL = 0.5
+STANDSTILL = 0.1
 """Speed below which a car that was told to stop counts as standing, in [m/s]."""
 
 _S = list(SAMPLE_UNITS).index("s")
@@ -186,7 +186,9 @@ class _Run:
         samples["lateral_acceleration"] = _rate(samples, "v_y") + samples["v_x"] * samples["yaw_rate"]
         samples["steer_rate"] = _rate(samples, "steer_angle")
         steps = np.array(self.steps, dtype=float).reshape(-1, len(STEP_UNITS))
-        return Recording(samples, dict(zip(STEP_UNITS, steps.T, strict=True)), tuple(self.plans), end, error, wall_time)
+        columns = dict(zip(STEP_UNITS, steps.T, strict=True))
+        contact = bool(getattr(self.plant, "collided", False))
+        return Recording(samples, columns, tuple(self.plans), end, error, wall_time, contact)
 
 
 def _finite(state: VehicleState) -> VehicleState:

@@ -5,15 +5,27 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TextIO
 
 from sidestep.plant_models.errors import InputError
 
 
-def write_text(file: Path, text: str) -> None:
-    """Write a file at once: it is complete or not there."""
+@contextmanager
+def complete(file: Path) -> Iterator[TextIO]:
+    """A text file to write to, which takes its name only when all of it is there."""
     part = file.with_name(f"{file.name}.part")
-    part.write_text(text, encoding="utf-8")
-    os.replace(part, file)
+    try:
+        with part.open("w", newline="", encoding="utf-8") as stream:
+            yield stream
+        os.replace(part, file)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def write_text(file: Path, text: str) -> None:
+    """Write a file that is complete or not there."""
+    with complete(file) as stream:
+        stream.write(text)
 
 
 @contextmanager

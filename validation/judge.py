@@ -19,9 +19,10 @@ class Judgement:
 
     Attributes:
         label: The first of these that holds. "plant invalid", "controller error", "bus error": the run broke
-            off there. "collision": the outlines overlap in some sample. "corridor violation": a corner is
-            over the road's edge. "interrupted": from outside. "infeasible, handled": in some steps the
-            controller had no feasible problem, fell back and came through. "ok".
+            off there. "collision": the outlines overlap in some sample, or the plant's own geometry touched (a
+            body that rolls reaches over its outline). "corridor violation": a corner is over the road's edge.
+            "interrupted": from outside. "infeasible, handled": in some steps the controller had no feasible
+            problem, fell back and came through. "ok".
         min_clearance: Smallest signed distance of the car to an obstacle, in [m], negative by the depth of
             penetration; None without obstacles.
         obstacle: Index of that obstacle.
@@ -58,7 +59,7 @@ def judge(recording: Recording, scenario: Scenario) -> Judgement:
 def _label(recording: Recording, gap: float, edge: float) -> str:
     if recording.end in (End.PLANT_INVALID, End.CONTROLLER_ERROR, End.BUS_ERROR):
         return recording.end.value
-    if gap <= 0.0:
+    if gap <= 0.0 or recording.contact:
         return "collision"
     if edge < 0.0:
         return "corridor violation"

@@ -70,6 +70,11 @@ class MisalignedSteering:
     def _measured(self, state: VehicleState) -> VehicleState:
         return replace(state, steer_angle=state.steer_angle - self.offset)
 
+    @property
+    def collided(self) -> bool:
+        """Whether the plant behind says that it touched an obstacle."""
+        return bool(getattr(self.plant, "collided", False))
+
     def close(self) -> None:
         """Close the plant behind."""
         self.plant.close()

@@ -1,7 +1,6 @@
 """What a run leaves behind: signals every plant step, one row per controller step, the plans."""
 
 import csv
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -10,6 +9,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from sidestep.validation.files import complete
 
 Array = NDArray[np.float64]
 
@@ -75,6 +76,7 @@ class Recording:
         end: Why the run ended.
         error: What was raised, if that ended it.
         wall_time: Real time that the loop took, in [s].
+        contact: Whether the plant says that it touched an obstacle (its attribute `collided`, if it has one).
     """
 
     samples: Mapping[str, Array]
@@ -83,6 +85,7 @@ class Recording:
     end: End = End.COMPLETED
     error: BaseException | None = None
     wall_time: float = 0.0
+    contact: bool = False
 
     def __getitem__(self, column: str) -> Array:
         return self.samples[column]
@@ -95,12 +98,10 @@ class Recording:
 
 def write_columns(file: Path, columns: Mapping[str, Array], units: Mapping[str, str]) -> None:
     """Write a CSV with units in its header; the file is there complete or not at all."""
-    part = file.with_name(f"{file.name}.part")
-    with part.open("w", newline="", encoding="utf-8") as stream:
+    with complete(file) as stream:
         writer = csv.writer(stream)
         writer.writerow(f"{name} [{units[name]}]" for name in columns)
         writer.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
-    os.replace(part, file)
 
 
 def read_columns(file: Path) -> dict[str, Array]:

@@ -60,6 +60,8 @@ def _sentence(s: dict[str, Any]) -> str:
             f": {distance(s['min_clearance_m'], 3)} at obstacles[{s['min_clearance_obstacle']}]"
             f", s = {s['min_clearance_station_m']:.1f} m, t = {s['min_clearance_time_s']:.2f} s"
         )
+    if s["plant_contact"]:
+        words += ", contact in the plant's own geometry"
     if s["error"]:
         words += f". {s['error']}"
     return words

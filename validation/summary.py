@@ -41,6 +41,7 @@ def summarise(scenario: Scenario, recording: Recording, judgement: Judgement, **
         "min_clearance_obstacle": judgement.obstacle,
         "min_clearance_time_s": judgement.time,
         "min_clearance_station_m": judgement.s,
+        "plant_contact": recording.contact,
         "min_edge_clearance_m": judgement.min_edge_clearance,
         "max_lateral_acceleration": _peak(recording["lateral_acceleration"]),
         "max_steer_angle": _peak(recording["steer_angle"]),

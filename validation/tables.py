@@ -115,10 +115,8 @@ def _entry(target: Any, part: str, key: str) -> Any:
 
 
 def _index(target: list[Any], part: str, key: str) -> int:
-    if not part.isdigit() or int(part) >= len(target):
-        raise InputError(
-            f"--set {key}", f"no entry {part!r}", f"0 to {len(target) - 1}" if target else "the list is empty"
-        )
+    if not part.isdecimal() or int(part) >= len(target):
+        raise InputError(f"--set {key}", f"no entry {part!r} in a list of {len(target)}", "numbers from 0")
     return int(part)
 
 
