@@ -1,0 +1,197 @@
+"""The native FMUs: what is written into them, and how they come to be."""
+
+import ctypes
+import importlib.util
+import os
+import re
+import sys
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from xml.etree import ElementTree
+
+import fmpy
+import pytest
+from fmpy.validation import validate_fmu
+
+from sidestep.fmu import build
+from sidestep.fmu.build import CompilerError, build_fmu, compile_library
+from sidestep.fmu.variables import ATTRIBUTES, MODELS, UNITS, vehicle_values
+from sidestep.plant_models.errors import InputError, PlantError
+from sidestep.plant_models.vehicle import VehicleParameters
+
+MODEL = MODELS["single-track"]
+
+
+@pytest.fixture(params=[2, 3], ids=["FMI2", "FMI3"])
+def fmi(request):
+    return request.param
+
+
+@pytest.fixture
+def fmu(fmi):
+    return build_fmu(fmi=fmi)
+
+
+@pytest.fixture
+def empty_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "sidestep"
+
+
+@pytest.fixture
+def no_compiler(empty_cache, monkeypatch):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+
+
+def test_fmpy_finds_nothing_to_complain_of(fmu):
+    assert validate_fmu(str(fmu)) == []
+
+
+def test_fmpy_simulates_it(fmu):
+    result = fmpy.simulate_fmu(
+        str(fmu), stop_time=1.0, output_interval=0.02, start_values={"steer_angle_command": 0.02, "x_0": 5.0}
+    )
+    assert result["x"][0] == 5.0
+    assert result["time"][-1] == pytest.approx(1.0)
+    assert result["y"][-1] > 0.1
+
+
+def test_description_is_the_table(fmu):
+    described = fmpy.read_model_description(fmu).modelVariables
+    assert len(described) == len(MODEL.variables)
+    for reference, (found, row) in enumerate(zip(described, MODEL.variables, strict=True)):
+        causality, variability, initial = ATTRIBUTES[row.kind]
+        assert (found.name, found.valueReference) == (row.name, reference)
+        assert (found.causality, found.variability) == (causality, variability)
+        assert found.unit == (row.unit or None)
+        assert found.description == row.description
+        assert (None if found.start is None else float(found.start)) == row.start
+        if initial:
+            assert found.initial == initial
+
+
+def test_every_derivative_belongs_to_the_state_of_its_name(fmu):
+    derivatives = [v for v in fmpy.read_model_description(fmu).modelVariables if v.derivative]
+    assert len(derivatives) == 9
+    for variable in derivatives:
+        assert variable.name == f"der({variable.derivative.name})"
+
+
+def test_start_values_are_those_of_the_preset():
+    car = vehicle_values(VehicleParameters.preset("bmw-320i"))
+    assert {row.name: row.start for row in MODEL.variables if row.name in car} == car
+
+
+def test_units_carry_their_exponents(fmu, fmi):
+    with zipfile.ZipFile(fmu) as archive:
+        root = ElementTree.fromstring(archive.read("modelDescription.xml"))
+    units = {unit.get("name"): unit[0].attrib for unit in root.iter("Unit")}
+    assert units["kg.m2"] == {"kg": "1", "m": "2"}
+    assert set(units) == {row.unit for row in MODEL.variables if row.unit}
+    assert set(units) <= set(UNITS)
+
+
+def test_no_output_that_is_a_state_depends_on_an_input(fmu):
+    outputs = {u.variable.name: u.dependencies for u in fmpy.read_model_description(fmu).outputs}
+    assert [v.name for v in outputs["yaw_rate"]] == ["yaw_rate"]
+    assert outputs["lateral_acceleration"] is None  # on everything
+
+
+def test_every_function_of_both_standards_is_exported(tmp_path):
+    headers = Path(fmpy.__file__).parent / "c-code"
+    declared = set()
+    for header in ("fmi2FunctionTypes.h", "fmi3FunctionTypes.h"):
+        declared |= set(re.findall(r"\b(fmi[23]\w+)TYPE\s*\(", (headers / header).read_text()))
+    with zipfile.ZipFile(build_fmu()) as archive:
+        binary = archive.extract(f"binaries/{fmpy.platform_tuple}/single_track{fmpy.sharedLibraryExtension}", tmp_path)
+    library = ctypes.CDLL(binary)
+    assert len(declared) > 100
+    assert [name for name in sorted(declared) if not hasattr(library, name)] == []
+
+
+def test_archive_holds_documentation_and_all_sources(fmu, fmi, tmp_path):
+    with zipfile.ZipFile(fmu) as archive:
+        archive.extractall(tmp_path)
+    page = (tmp_path / "documentation" / "index.html").read_text()
+    assert all(f"<td>{row.name}</td>" in page for row in MODEL.variables)
+    assert "$" not in page
+    compile_library(tmp_path / "sources", tmp_path / "again.so")  # as anybody could
+    binary = next((tmp_path / "binaries").glob("*/single_track.*"))
+    assert binary.parent.name == (fmpy.platform if fmi == 2 else fmpy.platform_tuple)
+
+
+def test_second_build_compiles_nothing_and_both_standards_share_the_binary(empty_cache, monkeypatch):
+    compiled = []
+    monkeypatch.setattr(build, "compile_library", lambda s, o: (compiled.append(o), compile_library(s, o)))
+    first = build_fmu(fmi=3)
+    before = first.read_bytes()
+    assert build_fmu(fmi=3) == first
+    build_fmu(fmi=2)
+    assert len(compiled) == 1
+    for file in empty_cache.iterdir():
+        file.unlink()
+    assert build_fmu(fmi=3).read_bytes() == before  # reproducible
+    assert len(compiled) == 2
+
+
+def test_two_builds_may_race(empty_cache):
+    with ThreadPoolExecutor(2) as pool:
+        first, second = pool.map(lambda _: build_fmu(), range(2))
+    assert first == second
+    assert validate_fmu(str(first)) == []
+    assert len(list(empty_cache.iterdir())) == 2  # binary and FMU, nothing left over
+
+
+def test_out_gets_a_copy(tmp_path, fmi):
+    out = tmp_path / "car.fmu"
+    assert build_fmu(fmi=fmi, out=out) == out
+    assert out.read_bytes() == build_fmu(fmi=fmi).read_bytes()
+
+
+def test_no_compiler_names_the_ways_out(no_compiler):
+    with pytest.raises(CompilerError) as caught:
+        build_fmu()
+    for way in ("no-such-compiler", "gcc", "sidestep[cross]", "--plant linear"):
+        assert way in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert isinstance(caught.value, PlantError)
+
+
+def test_ziglang_stands_in_for_a_missing_compiler(no_compiler, monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: name == "ziglang")
+    assert build.find_compiler()[:4] == [sys.executable, "-m", "ziglang", "cc"]
+
+
+def test_failing_compiler_shows_what_it_said(empty_cache, tmp_path, monkeypatch):
+    broken = tmp_path / "broken-cc"
+    broken.write_text("#!/bin/sh\necho 'single_track.c:1: fatal error: math.h is missing' >&2\nexit 1\n")
+    broken.chmod(0o755)
+    monkeypatch.setenv("CC", str(broken))
+    with pytest.raises(CompilerError, match=r"math\.h is missing"):
+        build_fmu()
+    assert list(empty_cache.iterdir()) == []
+
+
+def test_bad_arguments():
+    with pytest.raises(InputError, match="fmi: 1; allowed: 2, 3"):
+        build_fmu(fmi=1)
+    with pytest.raises(InputError, match="unknown native FMU 'unicycle'; allowed: single-track"):
+        build_fmu("unicycle")
+    with pytest.raises(InputError, match=r"missing/car\.fmu: cannot be written"):
+        build_fmu(out="/no/such/folder/missing/car.fmu")
+
+
+def test_cache_that_cannot_be_made(tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    with pytest.raises(InputError, match="XDG_CACHE_HOME"):
+        build_fmu()
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_cache_that_cannot_be_written(empty_cache):
+    empty_cache.mkdir(parents=True, mode=0o500)
+    with pytest.raises(InputError, match="cannot be written"):
+        build_fmu()
