@@ -1,7 +1,6 @@
 """Way-points to a path: reading them from a CSV file, and a cubic spline cut into clothoid pieces."""
 
 import math
-import re
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,7 @@ def read_waypoints(path: str | Path) -> tuple[Array, list[str]]:
     """Columns x and y, in [m], of a CSV file separated by commas, semicolons or tabs.
 
     A header names the columns (`x`, `x_m` or `x [m]`; further ones are ignored), without one x and y come
-    first. Lines after `#` are comments, or the header.
+    first. Lines that start with `#` are comments, or the header.
 
     Returns:
         Points, shape (N, 2), in [m], and `file:line` of each.
@@ -32,25 +31,27 @@ def read_waypoints(path: str | Path) -> tuple[Array, list[str]]:
         raise InputError(str(path), f"cannot be read ({error})") from error
     columns, points, names = None, [], []
     for number, line in enumerate(lines, start=1):
-        cells = [cell.strip() for cell in re.split(r"[,;\t]", line.lstrip("# "))]
-        if not line.strip():
-            continue
+        where, cells = f"{path}:{number}", _cells(line)
         if line.startswith("#"):
             columns = columns or _named_columns(cells)
-            continue
-        where = f"{path}:{number}"
-        if not points and not columns and not _is_number(cells[0]):
+        elif columns is None and not _is_number(cells[0]) and line.strip():
             columns = _named_columns(cells)
             if columns is None:
                 raise InputError(where, f"no columns x and y in the header {line.strip()!r}", "x, y")
-            continue
-        points.append(_point(cells, columns or (0, 1), where))
-        names.append(where)
+        elif line.strip():
+            columns = columns or (0, 1)
+            points.append(_point(cells, columns, where))
+            names.append(where)
     return np.array(points, dtype=np.float64).reshape(-1, 2), names
 
 
+def _cells(line: str) -> list[str]:
+    separator = next((mark for mark in ";\t" if mark in line), ",")
+    return [cell.strip(' "') for cell in line.lstrip("# ").split(separator)]
+
+
 def _named_columns(cells: list[str]) -> tuple[int, int] | None:
-    names = [re.split(r"[\s_\[(]", cell.lower())[0] for cell in cells]
+    names = [cell.lower().replace("_", " ").split(" ")[0] for cell in cells]
     return (names.index("x"), names.index("y")) if "x" in names and "y" in names else None
 
 
@@ -86,6 +87,19 @@ def through_waypoints(points: Array, names: list[str], where: str, closed: bool 
     Raises:
         InputError: Too few, repeated or non-finite points, or a bend tighter than MAX_CURVATURE.
     """
+    points, closed = _checked(points, names, where, closed)
+    chords = np.hypot(*np.diff(points, axis=0).T)
+    nodes, headings, before = _spline_nodes(points, chords, closed)
+    table = _fitted(nodes, headings)
+    curvature, sharpness, length = table[1:-1, 4], table[1:-1, 5], np.diff(table[1:, 0])
+    bend = np.maximum(np.abs(curvature), np.abs(curvature + sharpness * length))
+    for i in np.flatnonzero(~(bend <= MAX_CURVATURE)).tolist():
+        raise InputError(names[before[i]], f"the path bends to a radius of {1.0 / bend[i]:.2g} m after it", ">= 1 m")
+    return with_ends(table, closed), closed
+
+
+def _checked(points: Array, names: list[str], where: str, closed: bool | None) -> tuple[Array, bool]:
+    """The points, on a closed path with the first one again at the end, and whether it is closed."""
     for i in np.flatnonzero(~np.isfinite(points).all(axis=1)).tolist():
         raise InputError(names[i], f"({points[i, 0]}, {points[i, 1]}) is not finite")
     returns = len(points) > 2 and math.dist(points[0], points[-1]) < _SAME_POINT
@@ -95,20 +109,13 @@ def through_waypoints(points: Array, names: list[str], where: str, closed: bool 
         points = np.vstack([points[:-1] if returns else points, points[:1]])
     if len(points) < (4 if closed else 2):
         raise InputError(where, f"{len(points) - closed} points", "at least 2, or 3 different ones on a closed path")
-    chords = np.hypot(*np.diff(points, axis=0).T)
-    for i in np.flatnonzero(chords < _SAME_POINT).tolist():
-        raise InputError(
-            names[(i + 1) % len(names)], f"({points[i, 0]}, {points[i, 1]}) repeats the way-point before it"
-        )
-    if chords.sum() > MAX_LENGTH:
-        raise InputError(where, f"{chords.sum():.3g} m long", f"<= {MAX_LENGTH:g} m")
-    nodes, headings, before = _spline_nodes(points, chords, closed)
-    table = _fitted(nodes, headings)
-    curvature, sharpness, length = table[1:-1, 4], table[1:-1, 5], np.diff(table[1:, 0])
-    bend = np.maximum(np.abs(curvature), np.abs(curvature + sharpness * length))
-    for i in np.flatnonzero(~(bend <= MAX_CURVATURE)).tolist():
-        raise InputError(names[before[i]], f"the path bends to a radius of {1.0 / bend[i]:.2g} m after it", ">= 1 m")
-    return with_ends(table, closed), closed
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    for i in np.flatnonzero(steps < _SAME_POINT).tolist():
+        repeated = names[(i + 1) % len(names)]
+        raise InputError(repeated, f"({points[i, 0]}, {points[i, 1]}) repeats the way-point before it")
+    if steps.sum() > MAX_LENGTH:
+        raise InputError(where, f"{steps.sum():.3g} m long", f"<= {MAX_LENGTH:g} m")
+    return points, closed
 
 
 def _spline_nodes(points: Array, chords: Array, closed: bool) -> tuple[Array, Array, NDArray[np.intp]]:

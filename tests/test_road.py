@@ -298,7 +298,7 @@ def test_closing_is_found_out_or_asked_for():
         "x,y\n0,0\n10,1\n20,4\n",
         "\ufeffs;x [m];y [m]\n0;0;0\n\n10.1;10;1\n20.2;20;4\n",
         "# centre line\n# x_m, y_m, w_right, w_left\n0,0,3,3\n10,1,3,3\n20,4,3,3\n",
-        "X\tY\n0\t0\n10\t1\n20\t4\n",
+        '"X"\t"Y"\n0\t0\n10\t1\n20\t4\n',
     ],
 )
 def test_csv_dialects(tmp_path, text):
@@ -313,6 +313,7 @@ def test_csv_dialects(tmp_path, text):
     [
         ("x,y\n0,0\n1,oops\n", ":3", "'oops' is not a number"),
         ("x,y\n0,0\n1\n", ":3", "only 1 column"),
+        ("x;y\n0;0\n1,5;2,5\n", ":3", "'1,5' is not a number"),
         ("x,y\n0,0\nnan,1\n", ":3", "not finite"),
         ("x,y\n0,0\n5,1\n5,1\n9,9\n", ":4", "repeats"),
         ("easting,northing\n0,0\n", ":1", "no columns x and y"),
