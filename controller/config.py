@@ -38,7 +38,8 @@ class ControllerConfig:
         comfort_braking: Deceleration used where the distance allows it, in [m/s^2].
         standstill_gap: Distance left to what blocks the road, in [m].
         max_lateral_acceleration: a_y,max of Eq. (14), in [m/s^2]; `paper` only.
-        weight_steer: R of Eq. (15); `paper` only.
+        weight_steer: R of Eq. (15), which the paper does not give; below about 20 its closed loop oscillates
+            on the steering actuator's lag. `paper` only.
     """
 
     formulation: str = "corridor"
@@ -70,7 +71,7 @@ class ControllerConfig:
     comfort_braking: float = 3.0
     standstill_gap: float = 2.0
     max_lateral_acceleration: float = 8.0
-    weight_steer: float = 1.0
+    weight_steer: float = 50.0
 
     def __post_init__(self) -> None:
         if self.formulation not in ("corridor", "paper"):

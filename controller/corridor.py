@@ -25,11 +25,11 @@ def obstacle_polygons(boxes, curvature):
     for m in range(boxes.shape[0]):
         s, l, length, width, heading, _ = boxes[m]  # noqa: E741
         c, d = math.cos(heading), math.sin(heading)
-        shrink = max(1.0 - curvature[m] * l, 0.1)
         for i in range(8):
             a = 0.5 * length * (1.0 if i in (0, 1, 7) else (0.0 if i in (2, 6) else -1.0))
             b = 0.5 * width * (1.0 if i in (1, 2, 3) else (0.0 if i in (0, 4) else -1.0))
             along, across = c * a - d * b, d * a + c * b
+            shrink = max(1.0 - curvature[m] * (l + across), 0.1)
             polygons[m, i, 0] = s + along / shrink
             polygons[m, i, 1] = l + across - 0.5 * curvature[m] * along * along / shrink
     return polygons

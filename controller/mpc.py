@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 
 FIRST_CORRIDOR_TIME = 0.1
 """Earlier nodes get no corridor rows, in [s]: steering cannot move the car by a millimetre by then."""
+EPS = 1e-9
+"""Absolute accuracy asked of PIQP, its duality gap included: 1e-8 leaves errors above 1e-5 rad/s in the first move."""
 TOLERANCE = 1e-6
 """Violation of a bound without a row that is let pass, in [m] or [rad]."""
 
@@ -83,14 +85,17 @@ class Solution:
 
 
 @njit(cache=True, nogil=True)
-def _fill(x0, speed, path, heading, turn_rate, bounds, moves, car, period, level, block, weights, limits, first,
-          slip_nodes, P, c, G, h_l, h_u, free, response, lines, slopes, low, high):  # fmt: skip
+def _fill(x0, speed, path, heading, turn_rate, bounds, moves, model, weights, limits, first, slip_nodes, free,
+          response, lines, cost, rows):  # fmt: skip
+    car, period, level, block = model
     condense(x0, speed, car, period, level, block, turn_rate, free, response)
-    fill_cost(speed, car, period, level, block, path, heading, weights, free, response, P, c)
-    fill_lines(speed, car, limits.levers, bounds, first, slip_nodes, limits.slip, free, response, lines, slopes,
+    fill_cost(speed, car, period, level, block, path, heading, weights, free, response, cost[0], cost[1])
+    values, slopes, low, high = lines
+    fill_lines(speed, car, limits.levers, bounds, first, slip_nodes, limits.slip, free, response, values, slopes,
                low, high)  # fmt: skip
-    corridor_lines = lines.shape[0] - 2 * slip_nodes.shape[0]
-    fill_rows(moves, corridor_lines, limits.steer, block, lines, slopes, low, high, free, response, G, h_l, h_u)
+    corridor_lines = values.shape[0] - 2 * slip_nodes.shape[0]
+    fill_rows(moves, corridor_lines, limits.steer, block, values, slopes, low, high, free, response,
+              rows[0], rows[1], rows[2])  # fmt: skip
 
 
 @njit(cache=True, nogil=True)
@@ -106,52 +111,85 @@ def _states(x0, z, free, response):
     return states
 
 
+class _Rows:
+    """One QP in memory and the solver that knows its size."""
+
+    def __init__(self, moves: int, rows: int, rate: float):
+        size = moves + SLACKS
+        self.problem = p = Problem(
+            P=np.zeros((size, size), order="F"), c=np.zeros(size), G=np.zeros((rows, size), order="F"),
+            h_l=np.empty(rows), h_u=np.empty(rows),
+            x_l=np.concatenate([np.full(moves, -rate), np.zeros(SLACKS)]),
+            x_u=np.concatenate([np.full(moves, rate), np.full(SLACKS, np.inf)]),
+        )  # fmt: skip
+        self.cost, self.rows = (p.P, p.c), (p.G, p.h_l, p.h_u)
+        self._solver: piqp.DenseSolver | None = None
+
+    def solve(self) -> tuple[piqp.Status, piqp.Result]:
+        p = self.problem
+        if self._solver is None:
+            self._solver = piqp.DenseSolver()
+            settings = self._solver.settings
+            settings.eps_abs, settings.eps_rel, settings.tau = EPS, 0.1 * EPS, 0.999
+            settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = 0.1 * EPS, 0.1 * EPS
+            settings.preconditioner_iter = 0
+            self._solver.setup(p.P, p.c, None, None, p.G, p.h_l, p.h_u, p.x_l, p.x_u)
+        else:
+            self._solver.update(P=p.P, c=p.c, G=p.G, h_l=p.h_l, h_u=p.h_u)
+        return self._solver.solve(), self._solver.result
+
+
 class Mpc:
     """Builds and solves the QPs of one car, reusing its memory from step to step."""
 
     def __init__(self, car: Array, period: float, weights: MpcWeights, limits: Limits):
-        self._level, self._block = grid(period)
-        self.times: Array = np.cumsum(period * 2.0**self._level, dtype=np.float64)
-        nodes, moves = len(self._level), int(self._block[-1]) + 1
+        self.level, self.block = grid(period)
+        self.times: Array = np.cumsum(period * 2.0**self.level, dtype=np.float64)
+        nodes, moves = len(self.level), int(self.block[-1]) + 1
         first = int(np.searchsorted(self.times, FIRST_CORRIDOR_TIME))
         slip_nodes = np.arange(2, min(nodes, 17), 2)
-        self._corridor_lines = 2 * (nodes - first)
-        count = self._corridor_lines + 2 * len(slip_nodes)
-        rows, size = count + RESERVE + moves, moves + SLACKS
-        self._data = (car, period, self._level, self._block, weights, limits, first, slip_nodes)
-        self.problem = Problem(
-            P=np.zeros((size, size), order="F"), c=np.zeros(size), G=np.zeros((rows, size), order="F"),
-            h_l=np.empty(rows), h_u=np.empty(rows),
-            x_l=np.concatenate([np.full(moves, -limits.rate), np.zeros(SLACKS)]),
-            x_u=np.concatenate([np.full(moves, limits.rate), np.full(SLACKS, np.inf)]),
-        )  # fmt: skip
-        p = self.problem
-        self._matrices = (p.P, p.c, p.G, p.h_l, p.h_u)
+        self.corridor_lines = 2 * (nodes - first)
+        count = self.corridor_lines + 2 * len(slip_nodes)
+        self._model = (car, period, self.level, self.block)
+        self._limits, self._weights, self._line_nodes = limits, weights, (first, slip_nodes)
         self._prediction = (np.zeros((nodes, STATES)), np.zeros((nodes, STATES, moves)))
-        self._lines = (np.empty(count), np.empty((count, moves)), np.empty(count), np.empty(count))
-        self._solver: piqp.DenseSolver | None = None
+        self.lines = (np.empty(count), np.empty((count, moves)), np.empty(count), np.empty(count))
+        self._reduced = _Rows(moves, count + RESERVE + moves, limits.rate)
+        self._full = _Rows(moves, 2 * count + moves, limits.rate)
         self.reset()
+
+    @property
+    def problem(self) -> Problem:
+        """The QP of the last solve; the next one overwrites its arrays."""
+        return self._used.problem
 
     def reset(self) -> None:
         """Forget the last solution, which only chooses the rows to begin with."""
+        self._used = self._reduced
         self._moves = np.zeros(self._prediction[1].shape[2])
 
     def solve(self, x0: Array, speed: float, path: Array, heading: Array, turn_rate: Array, bounds: Array) -> Solution:
         """Solve the step; arguments as in `qp`, all finite."""
         began = time.perf_counter()
-        _fill(x0, speed, path, heading, turn_rate, bounds, self._moves, *self._data, *self._matrices,
-              *self._prediction, *self._lines)  # fmt: skip
+        rows = self._used = self._reduced
+        _fill(x0, speed, path, heading, turn_rate, bounds, self._moves, self._model, self._weights, self._limits,
+              *self._line_nodes, *self._prediction, self.lines, rows.cost, rows.rows)  # fmt: skip
         built = time.perf_counter()
         used, iterations = 0, 0
         while True:
-            status, result = self._run()
+            status, result = rows.solve()
             iterations += int(result.info.iter)
-            before = used
             z = np.array(result.x)  # a view that the next solve overwrites
-            used, corridor, slip = add_violated(z, used, TOLERANCE, self._corridor_lines, *self._lines,
-                                                *self._matrices[2:])  # fmt: skip
-            if used == before or before >= RESERVE or status != piqp.PIQP_SOLVED:
+            before = used
+            used, corridor, slip = add_violated(z, used, TOLERANCE, self.corridor_lines, *self.lines, *rows.rows)
+            if used == before or status != piqp.PIQP_SOLVED or rows is self._full:
                 break
+            if used > RESERVE:
+                rows = self._used = self._full
+                for into, of in zip(rows.cost, self._reduced.cost, strict=True):
+                    into[:] = of
+                fill_rows(self._moves, self.corridor_lines, self._limits.steer, self.block, *self.lines,
+                          *self._prediction, *rows.rows)  # fmt: skip
         solved = status == piqp.PIQP_SOLVED
         if solved:
             self._moves = z[:-SLACKS]
@@ -161,15 +199,3 @@ class Mpc:
             primal_residual=float(result.info.primal_res), dual_residual=float(result.info.dual_res),
             slack_corridor=corridor, slack_slip=slip, build_us=1e6 * (built - began), solve_us=1e6 * (ended - built),
         )  # fmt: skip
-
-    def _run(self) -> tuple[piqp.Status, piqp.Result]:
-        p = self.problem
-        if self._solver is None:
-            self._solver = piqp.DenseSolver()
-            settings = self._solver.settings
-            settings.eps_abs, settings.eps_rel, settings.tau = 1e-8, 1e-9, 0.999
-            settings.preconditioner_iter = 0
-            self._solver.setup(p.P, p.c, None, None, p.G, p.h_l, p.h_u, p.x_l, p.x_u)
-        else:
-            self._solver.update(P=p.P, c=p.c, G=p.G, h_l=p.h_l, h_u=p.h_u)
-        return self._solver.solve(), self._solver.result

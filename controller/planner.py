@@ -19,6 +19,7 @@ MIN_SPACING = 0.5
 LATERAL_STEP = 0.08
 FREE, GAP_TOO_NARROW = -1, -2
 NEAR_COST, BLOCKED_COST, COLLISION_COST = 1e2, 1e4, 1e6
+TIE = 1e-9
 
 
 class PlannerSettings(NamedTuple):
@@ -119,7 +120,7 @@ def node_costs(stations, offsets, speed, polygons, speeds, committed, p):
 
 
 @njit(cache=True, nogil=True)
-def shortest_path(cost, first_weight, weight, reach, start, start_reach):
+def shortest_path(cost, first_weight, weight, reach, start, start_reach, home):
     """Path of least cost through all layers, exactly.
 
     Args:
@@ -128,6 +129,7 @@ def shortest_path(cost, first_weight, weight, reach, start, start_reach):
         reach: Largest lateral step (8), in nodes.
         start: Lateral position before the first layer, in nodes (need not be whole).
         start_reach: Largest first step, in nodes.
+        home: Lateral position preferred among equals, so that mirrored scenes give mirrored paths, in nodes.
 
     Returns:
         Node index per layer, shape (S,), and the least cost; infinite if (8) admits no path.
@@ -147,16 +149,24 @@ def shortest_path(cost, first_weight, weight, reach, start, start_reach):
         for j in range(lateral):
             here[j] += cost[i, j]
     path = np.empty(layers, np.int64)
-    path[-1] = best[-1].argmin()
+    path[-1] = 0
+    for j in range(lateral):
+        if _better(best[-1, j], j, best[-1, path[-1]], path[-1], home):
+            path[-1] = j
     for i in range(layers - 1, 0, -1):
-        least = np.inf
-        for k in range(max(-reach, -path[i]), min(reach, lateral - 1 - path[i]) + 1):
-            value = best[i - 1, path[i] + k] + weight * k * k
-            if value < least:
-                least, path[i - 1] = value, path[i] + k
-        if least == np.inf:
-            path[i - 1] = path[i]
-    return path, best[-1].min()
+        path[i - 1], least = path[i], np.inf
+        for j in range(max(path[i] - reach, 0), min(path[i] + reach, lateral - 1) + 1):
+            value = best[i - 1, j] + weight * (j - path[i]) ** 2
+            if _better(value, j, least, path[i - 1], home):
+                path[i - 1], least = j, value
+    return path, best[-1, path[-1]]
+
+
+@njit(cache=True, nogil=True)
+def _better(value, node, least, other, home):
+    if value < np.inf and abs(value - least) <= TIE * value:  # rounding must not decide
+        return abs(node - home) < abs(other - home)
+    return value < least
 
 
 @njit(cache=True, nogil=True)
@@ -192,7 +202,8 @@ def plan_path(station, offset, speed, polygons, speeds, committed, p):
     outside = max(-start, start - (highest - lowest), 0.0)
     start_reach = max(slope * first / LATERAL_STEP, 1.0) + outside
     weight = p.weight_continuity * (LATERAL_STEP * pace) ** 2
-    nodes, least = shortest_path(cost, weight / first**2, weight / spacing**2, reach, start, start_reach)
+    home = p.reference / LATERAL_STEP - lowest
+    nodes, least = shortest_path(cost, weight / first**2, weight / spacing**2, reach, start, start_reach, home)
 
     path_stations = np.empty(LAYERS + 1)
     path = np.empty(LAYERS + 1)

@@ -4,6 +4,7 @@ Decision z = [blocked steering rates, corridor slack, slip slack]; the states ar
 bounded are lines: front and rear end of the footprint at the nodes, front and rear slip angle at the nodes.
 A line has a lower and an upper bound, of which rarely more than one matters: each gets one row for the side
 that the last solution was nearer to, and a second row from a small reserve once a solution violates the other.
+When the reserve does not suffice, the problem is solved once more with both rows of every line.
 """
 
 import numpy as np
@@ -126,7 +127,9 @@ def fill_lines(speed, car, levers, bounds, first, slip_nodes, slip_limit, free, 
 
 @njit(cache=True, nogil=True)
 def fill_rows(moves, corridor_lines, steer_limit, block, lines, slopes, low, high, free, response, G, h_l, h_u):
-    """Rows: the nearer bound of every line (soft), the empty reserve, the commanded angle per move (hard).
+    """Rows: the nearer bound of every line (soft), the reserve, the commanded angle per move (hard).
+
+    The reserve is empty, or holds the farther bounds if G has room for all of them.
 
     Args:
         moves: Last solution, shape (moves,).
@@ -137,14 +140,17 @@ def fill_rows(moves, corridor_lines, steer_limit, block, lines, slopes, low, hig
     """
     G[:, :] = 0.0
     count = lines.shape[0]
+    reserve = h_u.shape[0] - count - moves.shape[0]
+    h_l[count : count + reserve], h_u[count : count + reserve] = -np.inf, 1.0  # empty rows never act
     for i in range(count):
         value = lines[i]
         for q in range(moves.shape[0]):
             value += slopes[i, q] * moves[q]
-        put_row(i, i, value > 0.5 * (low[i] + high[i]), corridor_lines, lines, slopes, low, high, G, h_l, h_u)
-    for i in range(count, count + RESERVE):
-        h_l[i], h_u[i] = -np.inf, 1.0  # an empty row that never acts
-    row = count + RESERVE
+        upper = value > 0.5 * (low[i] + high[i])
+        put_row(i, i, upper, corridor_lines, lines, slopes, low, high, G, h_l, h_u)
+        if reserve == count:
+            put_row(count + i, i, not upper, corridor_lines, lines, slopes, low, high, G, h_l, h_u)
+    row = count + reserve
     for k in range(block.shape[0]):
         if k == block.shape[0] - 1 or block[k + 1] != block[k]:
             for q in range(block[k] + 1):

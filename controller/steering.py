@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from sidestep.controller.config import ControllerConfig
 from sidestep.controller.corridor_planner import Corridor, NodeGrid, plan_corridor
-from sidestep.controller.mpc import Limits, Mpc, MpcWeights, Solution
+from sidestep.controller.mpc import Limits, Mpc, MpcWeights, Problem, Solution
 from sidestep.controller.paper import PaperMpc
 from sidestep.controller.plan import Plan
 from sidestep.controller.planner import FREE, PlannedPath, PlannerSettings
 from sidestep.controller.prediction import advance, model_parameters
-from sidestep.controller.stopping import approach_speed, braking_needed
+from sidestep.controller.stopping import approach_speed
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import ReferencePath
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
@@ -60,11 +60,17 @@ class SteeringController:
         self.plan: Plan | None = None
         self._good: Plan | None = None
         self._command: SteeringCommand | None = None
+        self._heard: float | None = None  # time of the last state that could be used
         self._sent: list[float] = []  # the angle in force, then those on their way
         self._station: float | None = None
         self._cruise = self.config.cruise_speed
         self._sides = np.zeros(len(self.obstacles), dtype=np.int64)
         self._mpc.reset()
+
+    @property
+    def problem(self) -> Problem | None:
+        """QP of the last solve, for solver comparisons; the next step overwrites its arrays."""
+        return self._mpc.problem
 
     def step(self, state: VehicleState) -> SteeringCommand:
         """Plan, predict, optimise.
@@ -77,11 +83,11 @@ class SteeringController:
             last one is answered from the last good plan and never reaches the solver.
         """
         began = time.perf_counter()
-        last = self._command
-        if state.is_finite() and (last is None or state.time > last.time):
+        if state.is_finite() and (self._heard is None or state.time > self._heard):
+            self._heard = state.time
             plan = self._track(state, began)
         else:
-            plan = self._fall_back(last.time + self.config.period if last else 0.0, "INPUT")
+            plan = self._fall_back(self._command.time + self.config.period if self._command else 0.0, "INPUT")
         self.plan = plan
         self._command = SteeringCommand(plan.time, float(plan.states[1, 5]), plan.target_speed, plan.status)
         if self._sent:
@@ -94,7 +100,7 @@ class SteeringController:
             self._cruise = v
         s, x0 = self._locate(state)
         corridor = self._plan_corridor(s, x0[0], state)
-        target, stop_distance = self._longitudinal(corridor, v)
+        target, stop_distance = self._longitudinal(corridor)
         offset, slope = corridor.offset, corridor.slope
         if self._literal:
             offset, slope = np.full_like(offset, self.config.reference_offset), np.zeros_like(slope)
@@ -134,16 +140,13 @@ class SteeringController:
         )  # fmt: skip
         return Corridor(PlannedPath(*path), offset, slope, turn_rate, bounds, gap, gap_speed)
 
-    def _longitudinal(self, corridor: Corridor, v: float) -> tuple[float, float]:
+    def _longitudinal(self, corridor: Corridor) -> tuple[float, float]:
         """Speed to hold and free distance before what blocks the road."""
         cruise = self._cruise or 0.0
         if corridor.path.blocker == FREE:
             return cruise, math.inf
         distance = max(corridor.gap - self.config.standstill_gap, 0.0)
-        braking = braking_needed(
-            v, corridor.gap_speed, distance, self.config.comfort_braking, self.vehicle.max_braking
-        )  # fmt: skip
-        return min(cruise, approach_speed(distance, corridor.gap_speed, braking)), distance
+        return min(cruise, approach_speed(distance, corridor.gap_speed, self.config.comfort_braking)), distance
 
     def _plan(self, state: VehicleState, s: float, path: PlannedPath, solution: Solution, stop_distance: float,
               target: float, began: float, planned: float) -> Plan:  # fmt: skip
@@ -167,7 +170,7 @@ class SteeringController:
         age = now - good.time if good else math.inf
         base = failed or good or self._empty_plan()
         held = last.steer_angle if last else 0.0
-        if good is not None and age <= SHIFTED_PLAN_TIME:
+        if good is not None and age <= SHIFTED_PLAN_TIME + 1e-9:
             later = good.states_time + age
             states = np.column_stack([np.interp(later, good.states_time, column) for column in good.states.T])
             status, target = Status.DEGRADED, min(base.target_speed, good.target_speed)

@@ -6,18 +6,12 @@ SPEED_RESPONSE = 0.5
 """Response time assumed of the plant's speed control, in [s]."""
 
 
-def braking_needed(speed: float, obstacle_speed: float, distance: float, comfort: float, limit: float) -> float:
-    """Deceleration that stops in time: comfortable where that is enough, up to the limit where not, in [m/s^2]."""
-    closing = max(speed - obstacle_speed, 0.0)
-    room = max(distance - closing * SPEED_RESPONSE, 0.1)
-    return min(max(closing * closing / (2.0 * room), comfort), limit)
-
-
 def approach_speed(distance: float, obstacle_speed: float, braking: float) -> float:
     """Target speed at a distance before an obstacle.
 
-    Braking at a constant rate towards the obstacle's speed, commanded early by the response time tau of a
-    first-order speed control: v = v_o + sqrt(a^2 tau^2 + 2 a d) - a tau.
+    Braking at a constant rate towards the obstacle's speed, asked for early by the response time tau of a
+    first-order speed control: v = v_o + sqrt(a^2 tau^2 + 2 a d) - a tau. Where the distance is too short
+    for that rate the target lies far below the speed, and the speed control brakes as hard as it can.
 
     Args:
         distance: Free distance, in [m].

@@ -1,0 +1,213 @@
+"""The QP and its solution: KKT conditions, an exact solver, finite differences, PIQP's traps."""
+
+import daqp
+import numpy as np
+import piqp
+import pytest
+
+from sidestep.controller import ControllerConfig, SteeringController
+from sidestep.controller.mpc import Limits, Mpc, MpcWeights
+from sidestep.controller.prediction import exponential, model_block, model_parameters
+from sidestep.controller.qp import SLACK_CURVATURE, SLACK_UNIT, SLACKS
+from sidestep.plant_models.linear_plant import LinearPlant
+from sidestep.plant_models.obstacle import Obstacle
+from sidestep.plant_models.road import Line, ReferencePath
+from sidestep.plant_models.signals import VehicleState
+from sidestep.plant_models.vehicle import VehicleParameters
+
+BMW = VehicleParameters.preset("bmw-320i")
+WEIGHTS = MpcWeights(4.0, 0.4, 0.05, 2e-3, 0.5, 300.0, 300.0)
+LIMITS = Limits(0.1, BMW.steer_limit, BMW.steer_rate_limit, (BMW.front_extent, -BMW.rear_extent))
+DOUBLE = (Obstacle(40.0, -0.6, 4.5, 1.8), Obstacle(70.0, 0.8, 4.5, 1.8))
+
+
+def make():
+    return Mpc(model_parameters(BMW), 0.02, WEIGHTS, LIMITS)
+
+
+def case(mpc, seed):
+    rng = np.random.default_rng(seed)
+    n = len(mpc.times)
+    x0 = rng.normal(0.0, [0.5, 0.05, 0.02, 0.1, 0.03, 0.03])
+    middle, width = rng.normal(0.0, 0.5, (2, n)).cumsum(axis=1) * 0.1, rng.uniform(0.2, 2.0, (2, n))
+    bounds = np.stack([middle[0] - width[0], middle[0] + width[0], middle[1] - width[1], middle[1] + width[1]])
+    return x0, 15.0, rng.normal(0.0, 0.3, n), np.zeros(n), rng.normal(0.0, 0.05, n), bounds
+
+
+def all_rows(mpc):
+    """The QP with both bounds of every line as rows of their own."""
+    p, (lines, slopes, low, high) = mpc.problem, mpc.lines
+    moves, count = slopes.shape[1], len(lines)
+    rows = np.zeros((2 * count, moves + SLACKS))
+    slack = np.where(np.arange(count) < mpc.corridor_lines, moves, moves + 1)
+    rows[:count, :moves], rows[count:, :moves] = slopes, -slopes
+    rows[np.arange(count), slack] = rows[np.arange(count) + count, slack] = -SLACK_UNIT
+    upper = np.concatenate([high - lines, lines - low])
+    steer = p.G[-moves:]
+    g = np.vstack([rows, steer])
+    return g, np.concatenate([np.full(2 * count, -1e30), p.h_l[-moves:]]), np.concatenate([upper, p.h_u[-moves:]])
+
+
+def exact(mpc):
+    """The same problem by DAQP, an active-set method."""
+    p = mpc.problem
+    g, low, high = all_rows(mpc)
+    a = np.ascontiguousarray(g)
+    x, value, flag, _ = daqp.solve(
+        np.ascontiguousarray(p.P), p.c.copy(), a, np.concatenate([np.minimum(p.x_u, 1e30), high]),
+        np.concatenate([p.x_l, low]), np.zeros(len(p.c) + len(g), dtype=np.int32), primal_tol=1e-10,
+    )  # fmt: skip
+    assert flag == 1
+    return x, value
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_first_move_is_the_exact_optimum(seed):
+    mpc = make()
+    solution = mpc.solve(*case(mpc, seed))
+    assert solution.solved
+    z, _ = exact(mpc)
+    assert solution.z[0] == pytest.approx(z[0], abs=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_kkt_residuals(seed):
+    mpc = make()
+    solution = mpc.solve(*case(mpc, seed))
+    p, r = mpc.problem, mpc._used._solver.result
+    z = solution.z
+    finite_u, finite_l = np.isfinite(p.h_u), np.isfinite(p.h_l)
+    stationarity = p.P @ z + p.c + p.G.T @ (r.z_u - r.z_l) + r.z_bu - r.z_bl
+    scale = max(1.0, np.abs(p.c).max())
+    assert np.abs(stationarity).max() <= 1e-8 * scale
+    value = p.G @ z
+    assert np.maximum(value - p.h_u, p.h_l - value).max() <= 1e-8
+    assert np.maximum(z - p.x_u, p.x_l - z).max() <= 1e-8
+    assert min(r.z_u.min(), r.z_l.min(), r.z_bu.min(), r.z_bl.min()) >= 0.0
+    complementarity = [
+        r.z_u[finite_u] * (p.h_u - value)[finite_u], r.z_l[finite_l] * (value - p.h_l)[finite_l],
+    ]  # fmt: skip
+    assert max(np.abs(c).max(initial=0.0) for c in complementarity) <= 1e-7 * scale
+
+
+def test_prediction_is_the_simulated_model():
+    mpc = make()
+    x0, v, path, heading, turn_rate, bounds = case(mpc, 3)
+    solution = mpc.solve(x0, v, path, heading, turn_rate, bounds)
+    x, before = x0.copy(), 0.0
+    for k, t in enumerate(mpc.times):
+        e = exponential(model_block(v, model_parameters(BMW)), t - before)
+        x = e[:6, :6] @ x + e[:6, 6] * solution.z[mpc.block[k]] + e[:6, 7] * turn_rate[k]
+        assert solution.states[k + 1] == pytest.approx(x, abs=1e-10)
+        before = t
+
+
+def cost(mpc, solution, x0, v, path, heading, weights=WEIGHTS):
+    """Cost (15) written out from the predicted states."""
+    from sidestep.controller.prediction import steady_gain
+
+    car = model_parameters(BMW)
+    steps = np.diff(mpc.times, prepend=0.0) / 0.1
+    terminal = np.where(np.arange(len(steps)) == len(steps) - 1, 3.0, 1.0)
+    s = solution.states[1:]
+    alpha_f = s[:, 4] - s[:, 2] - BMW.l_f * s[:, 3] / v
+    alpha_r = -s[:, 2] + BMW.l_r * s[:, 3] / v
+    a_y = (BMW.cornering_stiffness_front * alpha_f + BMW.cornering_stiffness_rear * alpha_r) / BMW.mass
+    stage = (
+        weights.offset * (s[:, 0] - path) ** 2 + weights.lateral_speed * (v * (s[:, 1] - heading)) ** 2
+        + weights.acceleration * a_y**2
+    )  # fmt: skip
+    rate = solution.z[mpc.block]
+    effort = (weights.rate + weights.jerk * steady_gain(v, car) ** 2) * rate**2
+    slack = solution.z[-2:] * SLACK_UNIT
+    linear = np.array([weights.corridor, weights.slip]) @ slack
+    return 0.5 * (steps @ (terminal * stage + effort) + SLACK_CURVATURE * slack @ slack) + linear
+
+
+def test_qp_cost_is_equation_15():
+    mpc = make()
+    x0, v, path, heading, turn_rate, bounds = case(mpc, 5)
+    a = mpc.solve(x0, v, path, heading, turn_rate, bounds)
+    p = mpc.problem
+    quadratic = {name: 0.5 * z @ p.P @ z + p.c @ z for name, z in (("optimum", a.z), ("zero", 0 * a.z))}
+    b = make()
+    zero = b.solve(x0, v, path, heading, turn_rate, bounds)
+    object.__setattr__(zero, "z", 0 * a.z)
+    object.__setattr__(zero, "states", np.vstack([x0, b._prediction[0]]))
+    difference = cost(mpc, a, x0, v, path, heading) - cost(mpc, zero, x0, v, path, heading)
+    assert quadratic["optimum"] - quadratic["zero"] == pytest.approx(difference, rel=1e-9)
+
+
+def test_reserve_rows_make_the_reduced_problem_exact():
+    """A bound on the side that has no row to begin with is found and kept."""
+    mpc = make()
+    x0, v, path, heading, turn_rate, bounds = case(mpc, 1)
+    n = len(mpc.times)
+    path = np.where(np.arange(n) < 15, 3.0, -3.0)  # swings from one edge to the other
+    bounds = np.stack([np.full(n, -0.4), np.full(n, 0.4)] * 2)
+    for _ in range(3):  # the rows to begin with come from the last solution
+        solution = mpc.solve(0 * x0, v, path, heading, turn_rate, bounds)
+        z, value = exact(mpc)
+        assert 0.5 * solution.z @ mpc.problem.P @ solution.z + mpc.problem.c @ solution.z == pytest.approx(
+            value, rel=1e-6
+        )
+        assert solution.z[0] == pytest.approx(z[0], abs=1e-5)
+
+
+def test_contradicting_bounds_give_slack_not_failure():
+    mpc = make()
+    _, v, path, heading, turn_rate, bounds = case(mpc, 2)
+    bounds[:] = 0.0
+    solution = mpc.solve(np.array([2.0, 0.3, 0.0, 0.0, 0.0, 0.0]), v, path, heading, turn_rate, bounds)
+    assert solution.solved
+    assert solution.slack_corridor > 1.0
+
+
+def test_hard_limits_hold():
+    mpc = make()
+    _, v, path, heading, turn_rate, bounds = case(mpc, 4)
+    solution = mpc.solve(np.array([3.0, 0.5, 0.1, 0.4, 0.2, 0.2]), v, path, heading, turn_rate, bounds)
+    assert np.abs(solution.z[:-2]).max() <= BMW.steer_rate_limit + 1e-9
+    assert np.abs(solution.states[:, 5]).max() <= BMW.steer_limit + 1e-9
+
+
+def test_no_row_is_unbounded_on_both_sides():
+    mpc = make()
+    mpc.solve(*case(mpc, 0))
+    assert np.all(np.isfinite(mpc.problem.h_l) | np.isfinite(mpc.problem.h_u))
+
+
+def test_piqp_drops_a_row_that_was_unbounded_once():
+    """Why the test above matters: a later finite bound on such a row is ignored without a word."""
+    solver = piqp.DenseSolver()
+    g = np.asfortranarray([[1.0, 1.0]])
+    inf = np.full(1, np.inf)
+    solver.setup(np.asfortranarray(np.eye(2)), np.full(2, -2.0), None, None, g, -inf, inf, None, None)
+    solver.solve()
+    solver.update(h_l=-inf, h_u=np.ones(1))
+    assert solver.solve() == piqp.PIQP_SOLVED
+    assert np.array(solver.result.x).sum() > 1.5
+
+
+def test_solution_does_not_change_with_the_next_solve():
+    mpc = make()
+    first = mpc.solve(*case(mpc, 0))
+    kept = first.z.copy()
+    mpc.solve(*case(mpc, 1))
+    assert np.array_equal(first.z, kept)
+
+
+def test_closed_loop_problems_against_the_exact_solver():
+    """u0 of every step of the double obstacle within 1e-5 of DAQP on all rows."""
+    road = ReferencePath.from_segments([Line(150.0)])
+    controller = SteeringController(BMW, road, DOUBLE, ControllerConfig())
+    worst = 0.0
+    with LinearPlant(BMW) as plant:
+        state = plant.reset(VehicleState(v_x=15.0))
+        for _ in range(300):
+            command = controller.step(state)
+            z, _ = exact(controller._mpc)
+            applied = (command.steer_angle - controller.plan.states[0, 5]) / 0.02
+            worst = max(worst, abs(z[0] - applied))
+            state = plant.step(command, 0.02)
+    assert worst <= 1e-5
