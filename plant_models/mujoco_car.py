@@ -106,7 +106,9 @@ def car_spec(vehicle: VehicleParameters, obstacles: Sequence[Obstacle] = ()) -> 
     spec.compiler.degree = False
     spec.option.gravity = [0.0, 0.0, -GRAVITY]
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # a blow-up must show
+    spec.option.solver = mujoco.mjtSolver.mjSOL_PGS  # springs this soft are solved in one sweep
+    flags = mujoco.mjtDisableBit
+    spec.option.disableflags |= flags.mjDSBL_ISLAND | flags.mjDSBL_AUTORESET  # one car; a blow-up must show
     spec.nuserdata = STATE.itemsize // 8
     spec.worldbody.add_geom(name="road", type=mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], contype=0, conaffinity=0)
     chassis = _add_chassis(spec, vehicle)
