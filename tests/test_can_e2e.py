@@ -226,9 +226,9 @@ def test_impossible_thresholds_are_refused(bad):
         StateConfig(*bad)
 
 
-def test_frozen_sender_is_caught_within_the_window():
+def test_frozen_sender_is_caught_as_soon_as_too_few_good_frames_are_left():
     receiver, states = Receiver(m.STEER_CMD.profile, 8), E2EStateMachine()
     frames = [m.encode_steer_command(SteeringCommand(0.0, 0.1, 15.0), k) for k in range(20)]
     assert [states.add(receiver.check(frame)) for frame in frames][-1] is VALID
     seen = [states.add(receiver.check(frames[-1])) for _ in range(20)]
-    assert seen.index(INVALID) + 1 == states.valid.window
+    assert seen.index(INVALID) == states.valid.window - states.valid.min_ok

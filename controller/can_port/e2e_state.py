@@ -50,6 +50,9 @@ class StateConfig:
 class E2EStateMachine:
     """State of one protected channel.
 
+    The defaults suit a message every 10 ms: 5 % of lost frames go unnoticed, with 20 % the channel stays VALID nearly
+    always (binomial: 0.15 % of the windows fall short), with 50 % it turns INVALID in a blink and stays so.
+
     Attributes:
         init: Window and thresholds of INIT.
         valid: Those of VALID.
@@ -58,9 +61,9 @@ class E2EStateMachine:
         state: Present state.
     """
 
-    init: StateConfig = StateConfig(window=4, min_ok=2, max_error=1)
-    valid: StateConfig = StateConfig(window=8, min_ok=1, max_error=2)
-    invalid: StateConfig = StateConfig(window=8, min_ok=3, max_error=2)
+    init: StateConfig = StateConfig(window=16, min_ok=8, max_error=6)
+    valid: StateConfig = StateConfig(window=16, min_ok=8, max_error=6)
+    invalid: StateConfig = StateConfig(window=16, min_ok=14, max_error=2)
     clear_to_invalid: bool = False
     state: E2EState = E2EState.NODATA
     _window: deque[CheckStatus] = field(default_factory=deque, repr=False)
