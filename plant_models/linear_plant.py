@@ -92,7 +92,7 @@ class LinearPlant:
             self._steer_command,
             self._target_speed,
             dt,
-            math.ceil(dt / MAX_SUBSTEP - 1e-9),
+            max(1, math.ceil(dt / MAX_SUBSTEP - 1e-9)),
             self._parameters,
         )
         x, y, yaw, v_x, v_y, yaw_rate = self._motion.tolist()

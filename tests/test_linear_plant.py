@@ -233,6 +233,13 @@ def test_misuse():
             plant.step(SteeringCommand(0.0, 0.0, 0.0), dt)
 
 
+@pytest.mark.parametrize("dt", [1e-13, 1e-3, 2.0000001e-3, 0.05])
+def test_any_step_is_made(dt):
+    plant = LinearPlant(BMW)
+    plant.reset(VehicleState(v_x=10.0))
+    assert plant.step(SteeringCommand(0.0, 0.0, 10.0), dt).x == pytest.approx(10.0 * dt, rel=1e-12)
+
+
 def test_a_car_that_is_thrown_out_of_bounds_ends_the_drive():
     plant = LinearPlant(BMW)
     plant.reset(VehicleState(v_x=15.0, v_y=1e307))
