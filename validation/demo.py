@@ -34,20 +34,24 @@ def demo(out: Path, command_line: str = "") -> int:
         ]
     runs: list[Run] = []
     summaries: list[dict[str, Any]] = []
+    interrupted = False
     with progress_bar("demo", len(scenarios)) as progress:
-        for done, scenario in enumerate(scenarios):
-            progress(done)
-            summaries.append(_run(scenario, out, command_line, runs))
-            if runs and runs[-1].interrupted:
-                break
-    passed = all(s["verdict"] == "pass" for s in summaries if s["preset"] == "default")
+        try:
+            for done, scenario in enumerate(scenarios):
+                progress(done)
+                summaries.append(_run(scenario, out, command_line, runs))
+                if runs and runs[-1].interrupted:
+                    raise KeyboardInterrupt
+        except KeyboardInterrupt:
+            interrupted = True
+    passed = not interrupted and all(s["verdict"] == "pass" for s in summaries if s["preset"] == "default")
     with written_to(out):
         write_text(out / "summary.json", strict_json({"runs": summaries}))
         if runs:
             write_text(out / "report.html", demo_report(runs, summaries, passed))
     print_runs(summaries)
-    print(f"report: {out / 'report.html'}")
-    if runs and runs[-1].interrupted:
+    print(f"report: {out / 'report.html'}" if runs else f"no run in {out}")
+    if interrupted:
         raise KeyboardInterrupt
     return 0 if passed else 1
 

@@ -135,9 +135,7 @@ def _scene(name: str, runs: Sequence[Run], summaries: Sequence[dict[str, Any]]) 
         for s in summaries
         if s["scenario"] == name
     ]
-    return {
-        "name": name,
-        "rows": rows,
-        "top_view": Markup(svg(compared_top_view(shown[0].scenario, lines))),
-        "signals": Markup(svg(compared_signals(lines))),
-    }
+    if not shown:
+        return {"name": name, "rows": rows}
+    top_view = Markup(svg(compared_top_view(shown[0].scenario, lines)))
+    return {"name": name, "rows": rows, "top_view": top_view, "signals": Markup(svg(compared_signals(lines)))}

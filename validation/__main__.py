@@ -1,0 +1,7 @@
+"""`python -m sidestep.validation`: the command line without its entry point."""
+
+import sys
+
+from sidestep.validation.cli import main
+
+sys.exit(main())
