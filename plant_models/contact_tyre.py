@@ -73,7 +73,8 @@ _PATCH = 14  # found, dist, pos (3), normal (3), tangent (3), linvel (3) in the 
 
 def _native(name: str) -> Any:
     """MuJoCo's C function of (mjModel*, mjData*), as compiled or, without numba, as plain Python calls it."""
-    library = next(p for p in Path(mujoco.__file__).parent.iterdir() if "mujoco" in p.stem and ".so" in p.name)
+    folder = Path(mujoco.__file__).parent
+    library = next(file for pattern in ("libmujoco*", "mujoco.dll") for file in folder.glob(pattern))
     if config.DISABLE_JIT:  # pyright: ignore[reportAttributeAccessIssue]  (numba fills config at run time)
         function = getattr(ctypes.CDLL(str(library)), name)
         function.argtypes, function.restype = [ctypes.c_void_p, ctypes.c_void_p], None
