@@ -111,6 +111,17 @@ def _states(x0, z, free, response):
     return states
 
 
+def set_up(p: Problem) -> piqp.DenseSolver:
+    """PIQP, ready to solve `p` and, updated, others of its size."""
+    solver = piqp.DenseSolver()
+    settings = solver.settings
+    settings.eps_abs, settings.eps_rel, settings.tau = EPS, 0.1 * EPS, 0.999
+    settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = 0.1 * EPS, 0.1 * EPS
+    settings.preconditioner_iter = 0
+    solver.setup(p.P, p.c, None, None, p.G, p.h_l, p.h_u, p.x_l, p.x_u)
+    return solver
+
+
 class _Rows:
     """One QP in memory and the solver that knows its size."""
 
@@ -128,12 +139,7 @@ class _Rows:
     def solve(self) -> tuple[piqp.Status, piqp.Result]:
         p = self.problem
         if self._solver is None:
-            self._solver = piqp.DenseSolver()
-            settings = self._solver.settings
-            settings.eps_abs, settings.eps_rel, settings.tau = EPS, 0.1 * EPS, 0.999
-            settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = 0.1 * EPS, 0.1 * EPS
-            settings.preconditioner_iter = 0
-            self._solver.setup(p.P, p.c, None, None, p.G, p.h_l, p.h_u, p.x_l, p.x_u)
+            self._solver = set_up(p)
         else:
             self._solver.update(P=p.P, c=p.c, G=p.G, h_l=p.h_l, h_u=p.h_u)
         return self._solver.solve(), self._solver.result
