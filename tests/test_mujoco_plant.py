@@ -253,15 +253,11 @@ def test_yaw_goes_on_past_half_a_turn():
 
 
 def test_a_command_that_is_not_a_number_leaves_the_last_one():
-    plant = MujocoPlant(BMW)
-    asked = [drive(plant, plant.reset(VehicleState(v_x=10.0)), 0.2, 0.05, 12.0)[-1] for _ in range(2)]
-    assert asked[0] == asked[1]
-    held = [
-        plant.step(SteeringCommand(0.0, math.nan, math.inf), 0.01),
-        plant.step(SteeringCommand(0.0, -math.inf, math.nan), 0.01),
-    ]
-    drive(plant, plant.reset(VehicleState(v_x=10.0)), 0.2, 0.05, 12.0)
-    assert held == [plant.step(SteeringCommand(0.0, 0.05, 12.0), 0.01) for _ in range(2)]
+    plant, runs = MujocoPlant(BMW), []
+    for commands in ([(math.nan, math.inf), (-math.inf, math.nan)], [(0.05, 12.0)] * 2):
+        drive(plant, plant.reset(VehicleState(v_x=10.0)), 0.2, 0.05, 12.0)
+        runs.append([plant.step(SteeringCommand(0.0, *command), 0.01) for command in commands])
+    assert runs[0] == runs[1]
 
 
 @pytest.mark.parametrize(
