@@ -141,13 +141,14 @@ def shortest_path(cost, first_weight, weight, reach, start, start_reach, home):
         if abs(step) <= start_reach:
             best[0, j] = first_weight * step * step + cost[0, j]
     for i in range(1, layers):
-        before, here = best[i - 1], best[i]
         for k in range(-reach, reach + 1):
-            extra = weight * k * k
-            for j in range(max(0, -k), min(lateral, lateral - k)):
-                here[j] = min(here[j], before[j + k] + extra)
+            extra, low, count = weight * k * k, max(0, -k), max(lateral - abs(k), 0)
+            before, here = best[i - 1, low + k : low + k + count], best[i, low : low + count]
+            for j in range(count):  # slices and no call to min: the compiler makes vectors of it
+                value = before[j] + extra
+                here[j] = value if value < here[j] else here[j]
         for j in range(lateral):
-            here[j] += cost[i, j]
+            best[i, j] += cost[i, j]
     path = np.empty(layers, np.int64)
     path[-1] = 0
     for j in range(lateral):
