@@ -1,5 +1,6 @@
 """Open an .fmu file: what can be wrong with it is found here, before anything of it runs."""
 
+import shutil
 import tempfile
 import zipfile
 import zlib
@@ -50,8 +51,7 @@ def unpack(path: Path) -> UnpackedFmu:
                 raise InputError(str(path), f"{damaged} in it is damaged")
             description = _read_description(path)
             identifier = _find_binary(path, description, names)
-            folder = Path(tempfile.mkdtemp(prefix="sidestep-fmu-"))
-            archive.extractall(folder)
+            folder = _extract(archive)
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
         raise InputError(str(path), f"not an FMU, or a truncated one: {error}") from error
     except OSError as error:
@@ -64,6 +64,16 @@ def unpack(path: Path) -> UnpackedFmu:
         token=str(description.guid),
         variables={variable.name: variable for variable in description.modelVariables},
     )
+
+
+def _extract(archive: zipfile.ZipFile) -> Path:
+    folder = Path(tempfile.mkdtemp(prefix="sidestep-fmu-"))
+    try:
+        archive.extractall(folder)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    return folder
 
 
 def _check_names(path: Path, names: list[str]) -> None:
