@@ -14,6 +14,7 @@ from test_can_port import assert_same_but_quantised, slalom
 from sidestep.controller.can_port.bus import Bus, can_interfaces, resolve_spec
 from sidestep.controller.can_port.database import load_dbc
 from sidestep.controller.can_port.e2e import CheckStatus
+from sidestep.controller.can_port.faults import FaultSpec
 from sidestep.controller.can_port.port import SteeringPort
 
 VCAN = "socketcan:vcan0"
@@ -147,17 +148,33 @@ def test_interface_down_and_up():
         assert port.lost == 4
 
 
-@pytest.mark.parametrize("fault", [("loss", "20%"), ("corrupt", "20%"), ("duplicate", "20%")])
+@pytest.mark.parametrize("spec", [FaultSpec(delay=0.02, jitter=0.01), FaultSpec(reorder=0.2)])
+def test_delay_and_reordering_are_netem_s_too(spec):
+    with Bus(VCAN) as sender, Bus(VCAN) as listener, netem(*spec.netem_arguments()):
+        sent, arrived = {}, {}
+        for k in range(40):
+            sent[k] = time.monotonic()
+            sender.send(message(bytes([k])))
+            while got := listener.receive(0.01):
+                arrived[got.data[0]] = time.monotonic()
+        while got := listener.receive(0.2):
+            arrived[got.data[0]] = time.monotonic()
+    late = sorted(arrived[k] - sent[k] for k in range(40))
+    assert late[-1] >= 0.02
+    assert (late[0] >= 0.02 - 1e-3) == (spec.delay > 0.0)
+
+
+@pytest.mark.parametrize("fault", ["loss", "corruption", "duplication"])
 def test_faults_of_the_kernel_never_reach_the_plant(fault):
     commands = slalom(60)
     asked = [command.steer_angle for command in commands]
     with SteeringPort(VCAN) as port:
-        with netem(*fault):
+        with netem(*FaultSpec(**{fault: 0.2}).netem_arguments()):
             got = [port.transmit(command) for command in commands]
         applied = [command for command in got if command is not None]
         assert all(min(abs(command.steer_angle - angle) for angle in asked) <= 2.6e-5 for command in applied)
         assert {
             "loss": port.lost > 0,
-            "corrupt": port.receiver.counts[CheckStatus.ERROR] > 0,
-            "duplicate": port.receiver.counts[CheckStatus.REPEATED] > 0 and port.lost == 0,
-        }[fault[0]]
+            "corruption": port.receiver.counts[CheckStatus.ERROR] > 0,
+            "duplication": port.receiver.counts[CheckStatus.REPEATED] > 0 and port.lost == 0,
+        }[fault]

@@ -43,7 +43,7 @@ class FaultSpec:
         delay: Delay of every frame, in [s].
         jitter: Further delay, drawn evenly from 0 to this, in [s].
         reorder: Probability that a frame is held back by `REORDER_DELAY`.
-        corruption: Probability that some of a frame's bits flip; how many is drawn evenly from one to all.
+        corruption: Probability that a random set of a frame's bits flips.
         wrong_length: Probability that a frame is cut short.
         masquerade: Probability that a frame is protected as another message.
         counter_jump: Probability that the sender's counter jumps, for good.
@@ -198,8 +198,7 @@ class FaultyBus:
     def _on_the_wire(self, data: bytes) -> bytes:
         """Faults of the wire: what arrives is not what was sent."""
         if self._happens("corruption"):
-            draw, bits = self._draws["corruption"], 8 * len(data)
-            flips = sum(1 << bit for bit in draw.sample(range(bits), draw.randint(1, bits)))
+            flips = self._draws["corruption"].getrandbits(8 * len(data)) or 1
             data = (int.from_bytes(data, "big") ^ flips).to_bytes(len(data), "big")
         if self._happens("wrong_length"):
             data = data[: self._draws["wrong_length"].randrange(len(data))]
