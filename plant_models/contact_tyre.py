@@ -208,9 +208,10 @@ def _steer(dt, car, state, ctrl):
 
 @njit(cache=True, nogil=True)
 def observe(cars, states, qpos, qvel):
-    """Planar state of the total centre of gravity, from the coordinates themselves: MuJoCo's own
-    derived quantities are one step old after a step. Written to `planar` of the state.
-    """  # noqa: D205
+    """Write the planar state of the total centre of gravity to `planar` of the state.
+
+    From the coordinates themselves: MuJoCo's derived quantities are one step old after a step.
+    """
     car, planar = cars[0], states[0]["planar"]
     w, x, y, z = qpos[3], qpos[4], qpos[5], qpos[6]
     row_x = (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y))
