@@ -52,5 +52,5 @@ def compared_signals(lines: Sequence[Line]) -> Figure:
             apart.plot(shared, 100.0 * difference, color=colour)
         panel(steering, "Steering angle", "deg").set_xlabel("time  [s]")
         panel(acceleration, "Lateral acceleration", "m/s²").set_xlabel("time  [s]")
-        panel(apart, f"Path less that of {lines[0].name}", "cm").set_xlabel("along the road  [m]")
+        panel(apart, f"Offset from the path on {lines[0].name}", "cm").set_xlabel("along the road  [m]")
     return figure

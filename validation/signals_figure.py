@@ -95,7 +95,7 @@ def _states(axes: Sequence[Axes], scenario: Scenario, recording: Recording) -> N
 
 
 def _step_times(axes: Axes, recording: Recording) -> None:
-    panel(axes, "Computing time of the controller steps", "µs")
+    panel(axes, "Controller step", "µs")
     times = recording.steps["step_time"]
     if not len(times):
         return

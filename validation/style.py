@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9"
 INK, FAINT, ROAD, PAPER = "#24292f", "#c3c9d0", "#eceff2", "#fefefe"
-"""Theme colours: `svg` hands them over to the page as the CSS variables --ink, --faint, --road and --paper."""
+"""Theme colours: with BLUE, `svg` hands them over to the page as CSS variables, --ink and so on."""
 
-_THEME = {INK: "ink", FAINT: "faint", ROAD: "road", PAPER: "paper"}
+_THEME = {INK: "ink", FAINT: "faint", ROAD: "road", PAPER: "paper", BLUE: "blue"}
 _RC: dict[Any, Any] = {
     "font.family": "sans-serif",
     "font.size": 9,
@@ -40,7 +40,7 @@ _RC: dict[Any, Any] = {
     "legend.frameon": False,
     "legend.fontsize": 8,
     "figure.facecolor": PAPER,
-    "svg.fonttype": "none",
+    "svg.fonttype": "path",  # looks the same with whatever fonts the reader has
     "svg.hashsalt": "sidestep",
 }
 

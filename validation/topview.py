@@ -70,7 +70,7 @@ def stacked_axes(path: ReferencePath, views: Sequence[View]) -> tuple[Figure, li
         heights = [2.2] * len(views)
     else:
         spans = [np.ptp(np.array(path.to_cartesian(np.linspace(*view, 100), 0.0)), axis=1) + 14.0 for view in views]
-        heights = [float(np.clip(_WIDTH * span[1] / span[0], 2.0, 9.0)) for span in spans]
+        heights = [float(np.clip(_WIDTH * span[1] / span[0], 2.0, 5.0)) for span in spans]
     above, below = 0.3, 0.45  # room for titles and labels, in [inch]
     height = sum(heights) + (above + below) * len(views)
     figure = Figure(figsize=(_WIDTH, height))
