@@ -1,0 +1,52 @@
+"""What the documentation says of the code, held against the code."""
+
+import importlib
+import re
+from ast import literal_eval
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from sidestep.controller import ControllerConfig
+from sidestep.controller.planner import LAYERS
+from sidestep.controller.prediction import grid
+from sidestep.controller.qp import SLACKS
+
+ROOT = Path(__file__).parents[1]
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
+CONTROLLER = (ROOT / "docs" / "controller.md").read_text(encoding="utf-8")
+EQUATIONS = CONTROLLER.partition("## Where")[2].partition("\n## ")[0]
+
+
+def test_settings_table_is_that_of_the_code():
+    rows = re.findall(r"^\| (`.*?) \| (.*?) \|", CONTROLLER.partition("## Settings")[2], re.MULTILINE)
+    documented = {key: literal_eval(default) for keys, default in rows for key in re.findall(r"`(\w+)`", keys)}
+    assert documented == {f.name: f.default for f in fields(ControllerConfig)}
+
+
+@pytest.mark.parametrize("name", sorted(set(re.findall(r"`(\w+\.\w+)`", EQUATIONS))))
+def test_every_function_of_the_equation_table_exists(name):
+    module, function = name.split(".")
+    package = "plant_models" if module == "bicycle" else "controller"
+    assert callable(getattr(importlib.import_module(f"sidestep.{package}.{module}"), function))
+
+
+def test_every_equation_of_the_paper_has_a_place():
+    rows = re.findall(r"^\| (\(.*?) \|", EQUATIONS, re.MULTILINE)
+    spans = [re.findall(r"\d+", part) for row in rows for part in row.split(",")]
+    assert sorted(n for span in spans for n in range(int(span[0]), int(span[-1]) + 1)) == list(range(1, 17))
+
+
+def test_sizes_in_the_data_flow_are_those_of_the_code():
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    level, block = grid(ControllerConfig().period)
+    assert f"lattice of {LAYERS} layers" in page
+    assert f"{len(level)} nodes" in page
+    assert f"{block[-1] + 1} steering rates, {SLACKS} slacks" in page
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_between_files_lead_somewhere(page):
+    links = re.findall(r"\]\((?!https?:|#)([^)#]+)", page.read_text(encoding="utf-8"))
+    assert [link for link in links if not (page.parent / link).exists()] == []
