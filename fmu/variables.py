@@ -137,8 +137,8 @@ _TYRE = (
     ("relaxation_y", "m", "Lateral relaxation length", 0.001),
 )
 
-INTERNAL_STEP = 0.0025
-"""Largest integration step, in [s]; its error is about 1e-8 in normal driving, 1e-7 at the tyres' limits."""
+INTERNAL_STEP = 0.004
+"""Largest integration step, in [s]: an error of 1e-8 to 1e-6, 1e-5 where a limit begins to act within a step."""
 
 
 def vehicle_values(vehicle: VehicleParameters) -> dict[str, float]:

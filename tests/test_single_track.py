@@ -157,14 +157,14 @@ def test_splitting_a_step_changes_nothing(plant):
         return 0.1 if t < 0.4 else -0.05, 12.0
 
     whole = drive(plant, VehicleState(v_x=15.0), command, 2.0, 0.02)
-    split = drive(plant, VehicleState(v_x=15.0), command, 2.0, 0.005)[::4]
+    split = drive(plant, VehicleState(v_x=15.0), command, 2.0, 0.004)[::5]
     np.testing.assert_allclose(split[:, 1:], whole[:, 1:], rtol=0, atol=1e-11)
 
 
 def test_steps_that_are_no_multiple_of_the_internal_step(plant):
     rows = drive(plant, VehicleState(v_x=15.0), lambda t: (0.05, 15.0), 1.4, 0.007)
     even = drive(plant, VehicleState(v_x=15.0), lambda t: (0.05, 15.0), 1.4, 0.02)
-    np.testing.assert_allclose(rows[-1], even[-1], rtol=0, atol=1e-7)
+    np.testing.assert_allclose(rows[-1], even[-1], rtol=0, atol=1e-6)
 
 
 def test_integration_is_of_fourth_order():
@@ -230,7 +230,7 @@ def test_braking_ends_at_standstill_and_stays(plant):
 def test_a_standing_car_moves_off(plant):
     rows = drive(plant, VehicleState(), lambda t: (0.0, 5.0), 6.0)
     assert rows[-1, 4] == pytest.approx(5.0, abs=1e-3)
-    assert rows[:, [2, 3, 5, 6]].any() == np.False_
+    assert not rows[:, [2, 3, 5, 6]].any()
 
 
 @pytest.mark.parametrize("start", [VehicleState(v_y=5.0), VehicleState(v_y=-0.5, yaw_rate=0.4)])
