@@ -126,12 +126,30 @@ def load_scenario(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Sc
     """
     file = _find(str(name_or_path))
     try:
-        tables = tomllib.loads(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
         raise InputError(str(file), f"no readable TOML file ({error})") from error
-    for text in overrides:
-        override(tables, text)
-    label = file.stem if file.parent == _BUILT_IN else str(file)
+    return parse_scenario(text, file.stem if file.parent == _BUILT_IN else str(file), overrides, file)
+
+
+def parse_scenario(text: str, label: str, overrides: Sequence[str] = (), file: Path = Path("scenario.toml")) -> Scenario:
+    """A scenario from the text of its file.
+
+    Args:
+        text: TOML.
+        label: What errors call it.
+        overrides: `key=value` with dotted keys, as given to `--set`.
+        file: Where it stands: other files are found from its folder.
+
+    Raises:
+        InputError: With label, dotted key and what is allowed.
+    """
+    try:
+        tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(label, f"no readable TOML file ({error})") from error
+    for change in overrides:
+        override(tables, change)
     try:
         return _scenario(tables, file)
     except InputError as error:
