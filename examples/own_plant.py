@@ -20,7 +20,7 @@ from sidestep.plant_models import (
 
 
 class KinematicCar:
-    """Rolls without slip; a `Plant`."""
+    """Rolls without slip, as cars do at walking pace; a `Plant`."""
 
     def __init__(self, vehicle: VehicleParameters):
         self.vehicle = vehicle
@@ -72,11 +72,12 @@ def main() -> None:
     road = ReferencePath.from_segments([Line(150.0)])
     controller = SteeringController(car, road, [Obstacle(s=40.0, l=0.0, length=4.5, width=1.8)])
     with KinematicCar(car) as plant:
-        state = plant.reset(VehicleState(v_x=15.0))
-        for step in range(400):
-            state = plant.step(controller.step(state), dt=0.02)
-            if step % 40 == 39:
-                print(f"t = {state.time:.1f} s: {state.x:5.1f} m along, {state.y:+.2f} m aside")
+        state = plant.reset(VehicleState(v_x=5.0))
+        for step in range(1200):
+            command = controller.step(state)
+            state = plant.step(command, dt=0.02)
+            if step % 100 == 99:
+                print(f"{state.time:4.1f} s: {state.x:5.1f} m along, {state.y:+.2f} m aside, {command.status.name}")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,79 @@
+"""The README keeps its word: its code runs, its commands exist, its tables are those that were measured."""
+
+import re
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+
+from sidestep.validation.cli import main
+from sidestep.validation.scenario import built_in_scenarios
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+INSTALL = "python3 -m venv .venv && .venv/bin/pip install -q -c constraints.txt -e "
+COMMANDS = sorted(set(re.findall(r"`(sidestep [^`]+)`", README)))
+
+
+def test_the_two_lines_come_first():
+    lines = [line.strip() for line in README.splitlines() if line.strip()]
+    assert lines[1] == INSTALL + ". && .venv/bin/sidestep demo"
+    assert lines[2] == INSTALL + "'.[test]' && .venv/bin/pytest -q"
+
+
+def test_python_block_drives_around_the_obstacle():
+    (block,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    states = []
+    names: dict[str, object] = {}
+    exec(
+        block.replace("\n    state = my_plant", "\n    seen(state)\n    state = my_plant"),
+        names | {"seen": states.append},
+    )
+    assert len(states) == 1200
+    beside = [abs(state.y) for state in states if 37.0 < state.x < 43.0]
+    assert min(beside) > 0.9 + 0.8  # half of obstacle and car
+    assert abs(states[-1].y) < 1e-3
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_commands_exist(command, monkeypatch):
+    """Each is parsed with its options; nothing is run."""
+    words = shlex.split(command)[1:]
+    for name in ("_demo", "_run", "_scenarios", "_bench"):
+        monkeypatch.setattr(f"sidestep.validation.cli.{name}", lambda options: 0)
+    assert main(words) == 0
+    if words[0] == "run":
+        assert words[1] in built_in_scenarios()
+
+
+def test_commands_were_found():
+    assert {"sidestep demo", "sidestep scenarios", "sidestep bench --solvers"} <= set(COMMANDS)
+
+
+def test_tables_are_those_of_the_stored_figures(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "benchmarks")
+    try:
+        import readme
+
+        assert readme.with_tables(README) == README
+    finally:
+        sys.modules.pop("readme", None)
+
+
+def test_picture_is_there_and_small():
+    assert 20_000 < (ROOT / "docs" / "images" / "double-obstacle.png").stat().st_size < 300_000
+
+
+def test_example_passes_the_plant_check_and_the_obstacle(monkeypatch, capsys):
+    monkeypatch.syspath_prepend(ROOT / "examples")
+    try:
+        import own_plant
+
+        own_plant.main()
+    finally:
+        sys.modules.pop("own_plant", None)
+    shown = capsys.readouterr().out
+    assert "check_plant" not in shown
+    assert "+2." in shown or "-2." in shown
+    assert shown.rstrip().endswith("TRACKING")
