@@ -33,8 +33,12 @@ class ControllerConfig:
         weight_acceleration, weight_jerk: Of lateral acceleration [s^4/m^2] and jerk [s^6/m^2].
         weight_rate: Of the steering rate itself, in [s^2/rad^2]; keeps standstill well-posed.
         corridor_penalty, slip_penalty: Linear cost of leaving the corridor [1/m] or the slip bound [1/rad].
+        tyre_model: "affine" takes tangents to the Magic Formula about the last plan, "linear" the
+            cornering stiffness of the paper.
         friction: Road friction that the controller believes, as a factor on the tyre's peak.
-        max_slip: Bound on front and rear slip angle at friction 1, in [rad].
+        slip_share: Bound on front and rear slip angle, as a share of the angle at which the axle peaks.
+        estimate_friction: Lower the friction where the car's lateral acceleration speaks against it.
+        reject_disturbance: Learn steering offset and axle forces that the model lacks.
         comfort_braking: Deceleration used where the distance allows it, in [m/s^2].
         standstill_gap: Distance left to what blocks the road, in [m].
         max_lateral_acceleration: a_y,max of Eq. (14), in [m/s^2]; `paper` only.
@@ -66,19 +70,25 @@ class ControllerConfig:
     weight_rate: float = 0.5
     corridor_penalty: float = 300.0
     slip_penalty: float = 300.0
+    tyre_model: str = "affine"
     friction: float = 1.0
-    max_slip: float = 0.10
+    slip_share: float = 0.8
+    estimate_friction: bool = False
+    reject_disturbance: bool = True
     comfort_braking: float = 3.0
     standstill_gap: float = 2.0
     max_lateral_acceleration: float = 8.0
     weight_steer: float = 50.0
 
     def __post_init__(self) -> None:
-        if self.formulation not in ("corridor", "paper"):
-            raise InputError("controller.formulation", f"{self.formulation!r}", "corridor, paper")
         for f in fields(self):
             value = getattr(self, f.name)
-            if f.name == "formulation" or (f.name == "cruise_speed" and value is None):
+            if f.name in _CHOICES:
+                if value not in _CHOICES[f.name]:
+                    allowed = ", ".join(str(choice).lower() for choice in _CHOICES[f.name])
+                    raise InputError(f"controller.{f.name}", f"{value!r}", allowed)
+                continue
+            if f.name == "cruise_speed" and value is None:
                 continue
             if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
                 raise InputError(f"controller.{f.name}", f"{value!r} is not a finite number")
@@ -113,7 +123,13 @@ PRESETS: dict[str, dict[str, Any]] = {"default": {}, "paper": {"formulation": "p
 
 _POSITIVE = (
     "period", "width_left", "width_right", "safe_distance", "max_lateral_speed", "max_slope", "weight_offset",
-    "weight_rate", "corridor_penalty", "slip_penalty", "friction", "max_slip", "comfort_braking",
+    "weight_rate", "corridor_penalty", "slip_penalty", "friction", "slip_share", "comfort_braking",
     "max_lateral_acceleration", "weight_steer",
 )  # fmt: skip
+_CHOICES: dict[str, tuple[str, ...] | tuple[bool, ...]] = {
+    "formulation": ("corridor", "paper"),
+    "tyre_model": ("affine", "linear"),
+    "estimate_friction": (True, False),
+    "reject_disturbance": (True, False),
+}
 _LOWEST = {"reference_offset": -math.inf}

@@ -9,6 +9,7 @@ import piqp
 from numba import njit
 from numpy.typing import NDArray
 
+from sidestep.controller.car_model import Car
 from sidestep.controller.prediction import STATES, grid
 from sidestep.controller.qp import RESERVE, SLACKS, add_violated, condense, fill_cost, fill_lines, fill_rows
 
@@ -18,6 +19,8 @@ FIRST_CORRIDOR_TIME = 0.1
 """Earlier nodes get no corridor rows, in [s]: steering cannot move the car by a millimetre by then."""
 EPS = 1e-9
 """Absolute accuracy asked of PIQP, its duality gap included: 1e-8 leaves errors above 1e-5 rad/s in the first move."""
+MAX_ITERATIONS = 60
+"""Ten times what a step takes; beyond, the solver is stuck."""
 TOLERANCE = 1e-6
 """Violation of a bound without a row that is let pass, in [m] or [rad]."""
 
@@ -35,9 +38,8 @@ class MpcWeights(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Bounds of slip angle [rad], commanded angle [rad] and rate [rad/s]; footprint's ends, in [m]."""
+    """Bounds of commanded angle [rad] and rate [rad/s]; front and rear end of the footprint [m]."""
 
-    slip: float
     steer: float
     rate: float
     levers: tuple[float, float]
@@ -85,13 +87,14 @@ class Solution:
 
 
 @njit(cache=True, nogil=True)
-def _fill(x0, speed, path, heading, turn_rate, bounds, moves, model, weights, limits, first, slip_nodes, free,
-          response, lines, cost, rows):  # fmt: skip
-    car, period, level, block = model
-    condense(x0, speed, car, period, level, block, turn_rate, free, response)
-    fill_cost(speed, car, period, level, block, path, heading, weights, free, response, cost[0], cost[1])
+def _fill(x0, speed, path, heading, turn_rate, bounds, forces, slip_limits, moves, car, grid, weights, limits,
+          first, slip_nodes, free, response, lines, cost, rows):  # fmt: skip
+    period, level, block, group = grid
+    condense(x0, speed, car, period, level, block, group, forces, turn_rate, free, response)
+    fill_cost(speed, car, period, level, block, group, forces, path, heading, weights, free, response,
+              cost[0], cost[1])  # fmt: skip
     values, slopes, low, high = lines
-    fill_lines(speed, car, limits.levers, bounds, first, slip_nodes, limits.slip, free, response, values, slopes,
+    fill_lines(speed, car, limits.levers, bounds, first, slip_nodes, slip_limits, free, response, values, slopes,
                low, high)  # fmt: skip
     corridor_lines = values.shape[0] - 2 * slip_nodes.shape[0]
     fill_rows(moves, corridor_lines, limits.steer, block, values, slopes, low, high, free, response,
@@ -111,13 +114,13 @@ def _states(x0, z, free, response):
     return states
 
 
-def set_up(p: Problem) -> piqp.DenseSolver:
-    """PIQP, ready to solve `p` and, updated, others of its size."""
+def set_up(p: Problem, preconditioner_rounds: int = 0) -> piqp.DenseSolver:
+    """A PIQP solver for a problem, set as the controller sets it."""
     solver = piqp.DenseSolver()
     settings = solver.settings
-    settings.eps_abs, settings.eps_rel, settings.tau = EPS, 0.1 * EPS, 0.999
+    settings.eps_abs, settings.eps_rel, settings.max_iter = EPS, 0.1 * EPS, MAX_ITERATIONS
     settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = 0.1 * EPS, 0.1 * EPS
-    settings.preconditioner_iter = 0
+    settings.preconditioner_iter = preconditioner_rounds
     solver.setup(p.P, p.c, None, None, p.G, p.h_l, p.h_u, p.x_l, p.x_u)
     return solver
 
@@ -142,21 +145,28 @@ class _Rows:
             self._solver = set_up(p)
         else:
             self._solver.update(P=p.P, c=p.c, G=p.G, h_l=p.h_l, h_u=p.h_u)
-        return self._solver.solve(), self._solver.result
+        status, result = self._solver.solve(), self._solver.result
+        if status != piqp.PIQP_SOLVED:  # stuck, which scaling by PIQP itself mostly heals
+            careful = set_up(p, 10)
+            status, result = careful.solve(), careful.result
+        return status, result
 
 
 class Mpc:
     """Builds and solves the QPs of one car, reusing its memory from step to step."""
 
-    def __init__(self, car: Array, period: float, weights: MpcWeights, limits: Limits):
-        self.level, self.block = grid(period)
+    def __init__(self, period: float, weights: MpcWeights, limits: Limits):
+        self.level, self.block, self.group = grid(period)
         self.times: Array = np.cumsum(period * 2.0**self.level, dtype=np.float64)
         nodes, moves = len(self.level), int(self.block[-1]) + 1
         first = int(np.searchsorted(self.times, FIRST_CORRIDOR_TIME))
         slip_nodes = np.arange(2, min(nodes, 17), 2)
         self.corridor_lines = 2 * (nodes - first)
         count = self.corridor_lines + 2 * len(slip_nodes)
-        self._model = (car, period, self.level, self.block)
+        begins = np.searchsorted(self.group, np.arange(self.group[-1] + 2))
+        edges = np.concatenate([[0.0], self.times])[begins]
+        self.force_times: Array = 0.5 * (edges[1:] + edges[:-1])
+        self._grid = (period, self.level, self.block, self.group)
         self._limits, self._weights, self._line_nodes = limits, weights, (first, slip_nodes)
         self._prediction = (np.zeros((nodes, STATES)), np.zeros((nodes, STATES, moves)))
         self.lines = (np.empty(count), np.empty((count, moves)), np.empty(count), np.empty(count))
@@ -174,12 +184,14 @@ class Mpc:
         self._used = self._reduced
         self._moves = np.zeros(self._prediction[1].shape[2])
 
-    def solve(self, x0: Array, speed: float, path: Array, heading: Array, turn_rate: Array, bounds: Array) -> Solution:
-        """Solve the step; arguments as in `qp`, all finite."""
+    def solve(self, x0: Array, speed: float, path: Array, heading: Array, turn_rate: Array, bounds: Array,
+              forces: Array, slip_limits: tuple[float, float], car: Car) -> Solution:  # fmt: skip
+        """Solve the step; arguments as in `qp`, all finite; `forces` are the lines at `force_times`."""
         began = time.perf_counter()
         rows = self._used = self._reduced
-        _fill(x0, speed, path, heading, turn_rate, bounds, self._moves, self._model, self._weights, self._limits,
-              *self._line_nodes, *self._prediction, self.lines, rows.cost, rows.rows)  # fmt: skip
+        _fill(x0, speed, path, heading, turn_rate, bounds, forces, slip_limits, self._moves, car, self._grid,
+              self._weights, self._limits, *self._line_nodes, *self._prediction, self.lines, rows.cost,
+              rows.rows)  # fmt: skip
         built = time.perf_counter()
         used, iterations = 0, 0
         while True:

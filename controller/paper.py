@@ -21,7 +21,7 @@ WEIGHT_OFFSET, WEIGHT_HEADING = 1.0, 1.0
 
 
 class PaperMpc:
-    """Same interface as `Mpc`; the state's actuator part and the rear bounds are not used."""
+    """Builds and solves the paper's QP anew in every step."""
 
     def __init__(self, vehicle: VehicleParameters, weight_steer: float, max_lateral_acceleration: float):
         self.vehicle, self._r, self._a_max = vehicle, weight_steer, max_lateral_acceleration
@@ -31,10 +31,18 @@ class PaperMpc:
     def reset(self) -> None:
         """Nothing is kept from step to step."""
 
-    def solve(self, x0: Array, speed: float, path: Array, slope: Array, turn_rate: Array, bounds: Array) -> Solution:
-        """Solve (15), (16); see `Mpc.solve`."""
+    def solve(self, x0: Array, speed: float, turn_rate: Array, bounds: Array, reference: float) -> Solution:
+        """Solve (15), (16).
+
+        Args:
+            x0: Present state, of which the first four entries count, shape (6,).
+            speed: v, in [m/s].
+            turn_rate: Heading rate of the road during each step, shape (40,), in [rad/s].
+            bounds: First two rows: (13) at the nodes, shape (4, 40), in [m].
+            reference: l_ref, in [m].
+        """
         began = time.perf_counter()
-        p = self.problem = self._build(x0[:4], max(speed, 1.0), path, slope, turn_rate, bounds)
+        p = self.problem = self._build(x0[:4], max(speed, 1.0), reference, turn_rate, bounds)
         built = time.perf_counter()
         solver = piqp.DenseSolver()
         solver.setup(p.P, p.c, None, None, p.G, p.h_l, p.h_u, p.x_l, p.x_u)
@@ -54,7 +62,7 @@ class PaperMpc:
             build_us=1e6 * (built - began), solve_us=1e6 * (ended - built),
         )  # fmt: skip
 
-    def _build(self, x0: Array, v: float, path: Array, slope: Array, turn_rate: Array, bounds: Array) -> Problem:
+    def _build(self, x0: Array, v: float, reference: float, turn_rate: Array, bounds: Array) -> Problem:
         a, b, _ = continuous(self.vehicle, v)
         a_k, b_k = euler(a, b[:, None], STEP)
         free, response = np.empty((HORIZON, 4)), np.zeros((HORIZON, 4, HORIZON))
@@ -67,7 +75,7 @@ class PaperMpc:
         self._free, self._response = free, response
         offset, heading = response[:, 0], response[:, 1]
         hessian = WEIGHT_OFFSET * offset.T @ offset + WEIGHT_HEADING * heading.T @ heading + self._r * np.eye(HORIZON)
-        gradient = WEIGHT_OFFSET * offset.T @ (free[:, 0] - path) + WEIGHT_HEADING * heading.T @ (free[:, 1] - slope)
+        gradient = WEIGHT_OFFSET * offset.T @ (free[:, 0] - reference) + WEIGHT_HEADING * heading.T @ free[:, 1]
         angle = min(np.arctan(self.vehicle.wheelbase * self._a_max / v**2), self.vehicle.steer_limit)  # (14)
         return Problem(
             P=np.asfortranarray(hessian), c=gradient, G=np.asfortranarray(offset),

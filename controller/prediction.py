@@ -1,7 +1,8 @@
-"""Prediction model of the MPC: Eq. (5) with the steering actuator, discretised exactly.
+"""Prediction model of the MPC: Eq. (5) with affine axle forces and the steering actuator, discretised exactly.
 
 State x = [l_s, e_phi, beta, gamma, delta, delta_c]: the paper's four plus realised and commanded road-wheel
-angle. Inputs: steering rate u = delta_c' (a ramp within each step) and the heading rate of the road.
+angle. Held inputs w = [u, road turn rate, front force, rear force]: the steering rate u = delta_c' (a ramp
+within each step), the heading rate of the road, and the axle forces at zero slip.
 """
 
 import math
@@ -10,58 +11,56 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from sidestep.plant_models.vehicle import VehicleParameters
+from sidestep.controller.car_model import axle_force, slip_angles, tangent
 
-STATES, WIDTH = 6, 8
+STATES, WIDTH = 6, 10
+RATE, TURN, FRONT, REAR = 6, 7, 8, 9
+"""Columns of the inputs."""
 HORIZON, COARSEST_STEP = 2.58, 0.16
 """Length of the prediction and of its longest step, in [s]."""
 SLOWEST = 1.0
 """Speed below which the model keeps the dynamics of this speed, in [m/s]: Eq. (5) divides by v."""
-
-
-def model_parameters(vehicle: VehicleParameters) -> NDArray[np.float64]:
-    """Mass, yaw_inertia, l_f, l_r, axle stiffness front and rear, steering time constant; shape (7,)."""
-    return np.array([
-        vehicle.mass, vehicle.yaw_inertia, vehicle.l_f, vehicle.l_r, vehicle.cornering_stiffness_front,
-        vehicle.cornering_stiffness_rear, vehicle.steer_time_constant,
-    ])  # fmt: skip
+SIMULATION_STEP = 5e-3
+"""Step of the nonlinear forward simulation, in [s]."""
 
 
 @njit(cache=True, nogil=True)
-def model_block(speed, car):
-    """Generator of the augmented system [x; u; road turn rate], inputs held.
+def model_block(speed, slope_f, slope_r, car):
+    """Generator of [x; w]: the upper rows of [[A, B], [0, 0]].
 
     Args:
         speed: v, in [m/s].
-        car: `model_parameters`, shape (7,).
+        slope_f, slope_r: Slope of the axle forces, in [N/rad].
+        car: Car.
 
     Returns:
-        Shape (8, 8); its exponential over dt holds A_k, B_k and the effect of curvature.
+        Shape (6, 10).
     """
     v = max(speed, SLOWEST)
-    m, i_z, l_f, l_r, c_f, c_r, lag = car
-    moment = l_f * c_f - l_r * c_r
-    a = np.zeros((WIDTH, WIDTH))
+    m, i_z, l_f, l_r = car.mass, car.yaw_inertia, car.l_f, car.l_r
+    moment = l_f * slope_f - l_r * slope_r
+    a = np.zeros((STATES, WIDTH))
     a[0, 1] = a[0, 2] = v
-    a[1, 3], a[1, 7] = 1.0, -1.0
-    a[2, 2], a[2, 3], a[2, 4] = -(c_f + c_r) / (m * v), -moment / (m * v * v) - 1.0, c_f / (m * v)
-    a[3, 2], a[3, 3], a[3, 4] = (
-        -moment / i_z, -(l_f * l_f * c_f + l_r * l_r * c_r) / (i_z * v), l_f * c_f / i_z
-    )  # fmt: skip
-    if lag > 1e-3:
-        a[4, 4], a[4, 5] = -1.0 / lag, 1.0 / lag
+    a[1, 3], a[1, TURN] = 1.0, -1.0
+    a[2, 2], a[2, 3], a[2, 4] = -(slope_f + slope_r) / (m * v), -moment / (m * v * v) - 1.0, slope_f / (m * v)
+    a[2, FRONT] = a[2, REAR] = 1.0 / (m * v)
+    a[3, 2], a[3, 3] = -moment / i_z, -(l_f * l_f * slope_f + l_r * l_r * slope_r) / (i_z * v)
+    a[3, 4], a[3, FRONT], a[3, REAR] = l_f * slope_f / i_z, l_f / i_z, -l_r / i_z
+    if car.lag > 1e-3:
+        a[4, 4], a[4, 5] = -1.0 / car.lag, 1.0 / car.lag
     else:
-        a[4, 6] = 1.0
-    a[5, 6] = 1.0
+        a[4, RATE] = 1.0
+    a[5, RATE] = 1.0
     return a
 
 
 @njit(cache=True, nogil=True)
-def _multiply(a, b, out):
-    for i in range(WIDTH):
+def _multiply(a, b, identity, out):
+    """Product of two upper blocks whose lower rows are [0, identity]."""
+    for i in range(STATES):
         for j in range(WIDTH):
-            out[i, j] = 0.0
-        for k in range(WIDTH):
+            out[i, j] = identity * a[i, j] if j >= STATES else 0.0
+        for k in range(STATES):
             factor = a[i, k]
             if factor != 0.0:
                 for j in range(WIDTH):
@@ -70,81 +69,140 @@ def _multiply(a, b, out):
 
 @njit(cache=True, nogil=True)
 def exponential(a, dt):
-    """Matrix exponential of a dt by scaling, an eighth-order Taylor polynomial and squaring.
+    """Upper rows of the exponential of [[a], [0]] dt by scaling, an eighth-order Taylor polynomial and squaring.
 
     The scaled norm stays below 1/4, which leaves a truncation error below 1e-11.
+
+    Args:
+        a: Generator, shape (6, 10).
+        dt: In [s].
+
+    Returns:
+        [A_k, B_k], shape (6, 10).
     """
-    norm = np.abs(a).sum(axis=1).max() * dt
+    norm = 0.0
+    for i in range(STATES):
+        norm = max(norm, np.abs(a[i, :STATES]).sum() * dt)
     squarings = 0
     while norm > 0.25:
         norm *= 0.5
         squarings += 1
     x = a * (dt / 2.0**squarings)
-    identity = np.eye(WIDTH)
-    e, product = identity + x / 8.0, np.empty((WIDTH, WIDTH))
-    for k in range(7, 0, -1):
-        _multiply(x, e, product)
-        e = identity + product / k
+    e, product = x / 8.0, np.empty((STATES, WIDTH))
+    for k in range(7, 0, -1):  # Horner: I + x/1 (I + x/2 (I + ...)), the identity kept apart
+        _multiply(x, e, 0.0, product)
+        for i in range(STATES):
+            for j in range(WIDTH):
+                e[i, j] = (product[i, j] + x[i, j]) / k
+    for i in range(STATES):
+        e[i, i] += 1.0
     for _ in range(squarings):
-        _multiply(e, e, product)
+        _multiply(e, e, 1.0, product)
         e, product = product, e
     return e
 
 
 @njit(cache=True, nogil=True)
-def stage_matrices(speed, car, shortest, levels):
-    """Exact discretisation over dt, 2 dt, 4 dt, ... by squaring, shape (levels, 8, 8)."""
-    stages = np.empty((levels, WIDTH, WIDTH))
-    stages[0] = exponential(model_block(speed, car), shortest)
-    for i in range(1, levels):
-        _multiply(stages[i - 1], stages[i - 1], stages[i])
-    return stages
+def double(e):
+    """[A_k, B_k] of twice the step."""
+    out = np.empty((STATES, WIDTH))
+    _multiply(e, e, 1.0, out)
+    return out
 
 
 @njit(cache=True, nogil=True)
-def advance(state, speed, car, period, commands, turn_rate):
-    """Move a state forward through commands that are already on their way.
+def linearise(times, states_time, states, speed, disturbance, car):
+    """Axle forces as lines through the slip angles of an earlier prediction.
+
+    Args:
+        times: When the lines are needed, in the clock of that prediction, shape (G,), in [s].
+        states_time, states: That prediction, shapes (K,) and (K, 6).
+        speed: v, in [m/s].
+        disturbance: Forces to add at front and rear axle, in [N].
+        car: Car.
+
+    Returns:
+        Slope and force at zero slip, front and rear, shape (G, 4), in [N/rad] and [N].
+    """
+    v = max(speed, SLOWEST)
+    lines = np.empty((times.shape[0], 4))
+    for g in range(times.shape[0]):
+        i = min(np.searchsorted(states_time, times[g]), states_time.shape[0] - 1)
+        front, rear = slip_angles(states[i, 2], states[i, 3], states[i, 4], v, car)
+        slope_f, force_f = tangent(front, car.stiffness_f, car.load_f, car)
+        slope_r, force_r = tangent(rear, car.stiffness_r, car.load_r, car)
+        lines[g, 0], lines[g, 1] = slope_f, force_f + disturbance[0]
+        lines[g, 2], lines[g, 3] = slope_r, force_r + disturbance[1]
+    return lines
+
+
+@njit(cache=True, nogil=True)
+def _rates(x, v, turn_rate, disturbance, command, car):
+    front, rear = slip_angles(x[2], x[3], x[4], v, car)
+    force_f = axle_force(front, car.stiffness_f, car.load_f, car) + disturbance[0]
+    force_r = axle_force(rear, car.stiffness_r, car.load_r, car) + disturbance[1]
+    rates = np.empty(STATES)
+    rates[0] = v * (x[1] + x[2])
+    rates[1] = x[3] - turn_rate
+    rates[2] = (force_f + force_r) / (car.mass * v) - x[3]
+    rates[3] = (car.l_f * force_f - car.l_r * force_r) / car.yaw_inertia
+    if car.lag > 1e-3:
+        rates[4] = min(max((command - x[4]) / car.lag, -car.rate_limit), car.rate_limit)
+    else:
+        rates[4] = 0.0
+    rates[5] = 0.0
+    return rates
+
+
+@njit(cache=True, nogil=True)
+def advance(state, speed, turn_rate, disturbance, commands, period, car):
+    """Simulate the nonlinear model through commands that are already on their way (RK4).
 
     Args:
         state: Shape (6,).
         speed, turn_rate: Of the car, in [m/s], and of the road, in [rad/s]; held.
-        car: See `model_block`.
-        period: How long each command is held, in [s].
+        disturbance: Forces to add at front and rear axle, in [N].
         commands: Angles in the order in which they take effect, shape (d,), in [rad].
+        period: How long each command is held, in [s].
+        car: Car.
 
     Returns:
         The state after d periods, shape (6,).
     """
-    x = state.copy()
-    if commands.shape[0] == 0:
-        return x
-    e = exponential(model_block(speed, car), period)
-    carry, road = e[:STATES, :STATES].copy(), e[:STATES, 7] * turn_rate
+    x, v = state.copy(), max(speed, SLOWEST)
+    fastest = (car.stiffness_f + car.stiffness_r) / (car.mass * v)  # of the poles at zero slip, nearly
+    steps = math.ceil(period * max(1.0 / SIMULATION_STEP, fastest))
+    h = period / steps
     for command in commands:
         x[5] = command
-        if car[6] <= 1e-3:
+        if car.lag <= 1e-3:
             x[4] = command
-        x = carry @ x + road
+        for _ in range(steps):
+            k1 = _rates(x, v, turn_rate, disturbance, command, car)
+            k2 = _rates(x + 0.5 * h * k1, v, turn_rate, disturbance, command, car)
+            k3 = _rates(x + 0.5 * h * k2, v, turn_rate, disturbance, command, car)
+            k4 = _rates(x + h * k3, v, turn_rate, disturbance, command, car)
+            x += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
     return x
 
 
 @njit(cache=True, nogil=True)
 def steady_gain(speed, car):
-    """Steady lateral acceleration per road-wheel angle, v^2 / (L + K v^2), in [m/s^2/rad]."""
-    m, _, l_f, l_r, c_f, c_r, _ = car
-    wheelbase = l_f + l_r
-    understeer = m / wheelbase * (l_r / c_f - l_f / c_r)
+    """Steady lateral acceleration per road-wheel angle, v^2 / (L + K v^2), in [m/s^2/rad], of the linear car."""
+    wheelbase = car.l_f + car.l_r
+    understeer = car.mass / wheelbase * (car.l_r / car.stiffness_f - car.l_f / car.stiffness_r)
     return speed * speed / max(wheelbase + understeer * speed * speed, 0.2 * wheelbase)
 
 
-def grid(period: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def grid(period: float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Prediction grid: fine where the car is, coarse ahead, every step the first times a power of two.
 
     Args:
         period: Control period, in [s].
 
     Returns:
-        level (N,) such that step k lasts period 2^level[k], and the control move (N,) that acts in it.
+        level (N,) such that step k lasts period 2^level[k], the control move (N,) that acts in it, and the
+        group (N,) of steps, of one level each, that share their axle forces.
     """
     coarsest = max(round(math.log2(COARSEST_STEP / period)), 0)
     level = [0] * 3
@@ -155,4 +213,7 @@ def grid(period: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     lengths = [1] * 6 + [2] * 4
     lengths += [3] * math.ceil(max(len(level) - sum(lengths), 0) / 3)
     block = np.repeat(np.arange(len(lengths)), lengths)[: len(level)]
-    return np.array(level), block
+    steps = np.array(level)
+    since = np.arange(len(steps)) - np.searchsorted(steps, steps)  # steps of this level before
+    group = np.cumsum((since % 3 == 0).astype(np.int64)) - 1
+    return steps, block, group

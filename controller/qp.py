@@ -10,7 +10,19 @@ When the reserve does not suffice, the problem is solved once more with both row
 import numpy as np
 from numba import njit
 
-from sidestep.controller.prediction import SLOWEST, STATES, stage_matrices, steady_gain
+from sidestep.controller.prediction import (
+    FRONT,
+    RATE,
+    REAR,
+    SLOWEST,
+    STATES,
+    TURN,
+    WIDTH,
+    double,
+    exponential,
+    model_block,
+    steady_gain,
+)
 
 SLACKS, RESERVE = 2, 8
 SLACK_UNIT, SLACK_CURVATURE = 0.01, 1e3
@@ -22,24 +34,31 @@ TERMINAL_WEIGHT = 3.0
 
 
 @njit(cache=True, nogil=True)
-def condense(x0, speed, car, period, level, block, turn_rate, free, response):
+def condense(x0, speed, car, period, level, block, group, forces, turn_rate, free, response):
     """States at the nodes as free response plus slope in the moves.
 
     Args:
         x0: Present state, see `prediction`, shape (6,).
         speed: v, in [m/s].
-        car: See `prediction.model_block`.
-        period: Shortest step, in [s]; step k lasts period 2^level[k] and uses move block[k].
-        level, block: Shape (N,).
+        car: Car.
+        period: Shortest step, in [s]; step k lasts period 2^level[k] and uses move block[k] and line group[k].
+        level, block, group: Shape (N,).
+        forces: Axle forces as lines, see `prediction.linearise`, shape (G, 4).
         turn_rate: Heading rate of the road during each step, shape (N,), in [rad/s].
         free, response: Filled, shapes (N, 6) and (N, 6, moves).
     """
-    stages = stage_matrices(speed, car, period, level.max() + 1)
     state, slope = x0, np.zeros((STATES, response.shape[2]))
+    e = np.empty((STATES, WIDTH))
     for k in range(level.shape[0]):
-        e = stages[level[k]]
+        line = forces[group[k]]
+        if k == 0 or group[k] != group[k - 1]:
+            same = k > 0 and line[0] == forces[group[k - 1], 0] and line[2] == forces[group[k - 1], 2]
+            if same and level[k] == level[k - 1] + 1:
+                e = double(e)
+            elif not (same and level[k] == level[k - 1]):
+                e = exponential(model_block(speed, line[0], line[2], car), period * 2.0 ** level[k])
         for i in range(STATES):
-            value = e[i, 7] * turn_rate[k]
+            value = e[i, TURN] * turn_rate[k] + e[i, FRONT] * line[1] + e[i, REAR] * line[3]
             for j in range(STATES):
                 value += e[i, j] * state[j]
             free[k, i] = value
@@ -48,26 +67,23 @@ def condense(x0, speed, car, period, level, block, turn_rate, free, response):
                 for j in range(STATES):
                     value += e[i, j] * slope[j, q]
                 response[k, i, q] = value
-            response[k, i, block[k]] += e[i, 6]
+            response[k, i, block[k]] += e[i, RATE]
         state, slope = free[k], response[k]
 
 
 @njit(cache=True, nogil=True)
-def fill_cost(speed, car, period, level, block, path, heading, weights, free, response, P, c):
+def fill_cost(speed, car, period, level, block, group, forces, path, heading, weights, free, response, P, c):
     """Cost (15): distance and lateral speed to the planned path, lateral acceleration, jerk and rate.
 
     Args:
         path, heading: Reference offset [m] and heading [rad] at the nodes, shape (N,).
         weights: MpcWeights.
         P, c: Filled.
-        speed, car, period, level, block, free, response: See `condense`.
+        speed, car, period, level, block, group, forces, free, response: See `condense`.
     """
     moves = response.shape[2]
-    m, _, l_f, l_r, c_f, c_r, _ = car
     v = max(speed, SLOWEST)
     effort = weights.rate + weights.jerk * steady_gain(v, car) ** 2
-    # a_y = (C_f alpha_f + C_r alpha_r) / m
-    a_beta, a_gamma, a_delta = -(c_f + c_r) / m, -(l_f * c_f - l_r * c_r) / (m * v), c_f / m
     P[:, :] = 0.0
     c[:] = 0.0
     y = np.empty((3, moves))
@@ -78,7 +94,11 @@ def fill_cost(speed, car, period, level, block, path, heading, weights, free, re
             dt *= TERMINAL_WEIGHT
         w_l, w_e, w_a = dt * weights.offset, dt * weights.lateral_speed * v * v, dt * weights.acceleration
         r_l, r_e = free[k, 0] - path[k], free[k, 1] - heading[k]
-        r_a = a_beta * free[k, 2] + a_gamma * free[k, 3] + a_delta * free[k, 4]
+        # a_y is the sum of the axle forces over the mass
+        slope_f, force_f, slope_r, force_r = forces[group[k]]
+        a_beta, a_delta = -(slope_f + slope_r) / car.mass, slope_f / car.mass
+        a_gamma = (car.l_r * slope_r - car.l_f * slope_f) / (car.mass * v)
+        r_a = a_beta * free[k, 2] + a_gamma * free[k, 3] + a_delta * free[k, 4] + (force_f + force_r) / car.mass
         for q in range(block[k] + 1):
             y[0, q], y[1, q] = response[k, 0, q], response[k, 1, q]
             y[2, q] = a_beta * response[k, 2, q] + a_gamma * response[k, 3, q] + a_delta * response[k, 4, q]
@@ -95,19 +115,18 @@ def fill_cost(speed, car, period, level, block, path, heading, weights, free, re
 
 
 @njit(cache=True, nogil=True)
-def fill_lines(speed, car, levers, bounds, first, slip_nodes, slip_limit, free, response, lines, slopes, low, high):
+def fill_lines(speed, car, levers, bounds, first, slip_nodes, slip_limits, free, response, lines, slopes, low, high):
     """Bounded lines: footprint ends from node `first` on (slack 0), then slip angles (slack 1).
 
     Args:
         levers: Front end (positive) and rear end (negative) from the centre of gravity, in [m].
         bounds: right and left at the front, right and left at the rear, shape (4, N), in [m]. Eq. (13).
         slip_nodes: Nodes with slip lines, shape (K,).
-        slip_limit: In [rad].
+        slip_limits: Front and rear, in [rad].
         lines, slopes, low, high: Filled: value without moves, its slope, bounds; shapes (L,), (L, moves), (L,), (L,).
         speed, car, free, response: See `condense`.
     """
     v = max(speed, SLOWEST)
-    l_f, l_r = car[2], car[3]
     i = 0
     for k in range(first, free.shape[0]):
         for end in range(2):
@@ -116,12 +135,12 @@ def fill_lines(speed, car, levers, bounds, first, slip_nodes, slip_limit, free, 
             low[i], high[i] = bounds[2 * end, k], bounds[2 * end + 1, k]
             i += 1
     for k in slip_nodes:
-        lines[i] = free[k, 4] - free[k, 2] - l_f / v * free[k, 3]
-        slopes[i] = response[k, 4] - response[k, 2] - l_f / v * response[k, 3]
-        lines[i + 1] = l_r / v * free[k, 3] - free[k, 2]
-        slopes[i + 1] = l_r / v * response[k, 3] - response[k, 2]
-        low[i] = low[i + 1] = -slip_limit
-        high[i] = high[i + 1] = slip_limit
+        lines[i] = free[k, 4] - free[k, 2] - car.l_f / v * free[k, 3]
+        slopes[i] = response[k, 4] - response[k, 2] - car.l_f / v * response[k, 3]
+        lines[i + 1] = car.l_r / v * free[k, 3] - free[k, 2]
+        slopes[i + 1] = car.l_r / v * response[k, 3] - response[k, 2]
+        for axle in range(2):
+            low[i + axle], high[i + axle] = -slip_limits[axle], slip_limits[axle]
         i += 2
 
 

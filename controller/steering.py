@@ -8,13 +8,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sidestep.controller.car_model import Car, peak_slip
 from sidestep.controller.config import ControllerConfig
 from sidestep.controller.corridor_planner import Corridor, NodeGrid, plan_corridor
 from sidestep.controller.mpc import Limits, Mpc, MpcWeights, Problem, Solution
+from sidestep.controller.observer import Disturbance, observe_disturbance, observe_friction
 from sidestep.controller.paper import PaperMpc
 from sidestep.controller.plan import Plan
 from sidestep.controller.planner import FREE, PlannedPath, PlannerSettings
-from sidestep.controller.prediction import advance, model_parameters
+from sidestep.controller.prediction import advance, linearise
 from sidestep.controller.stopping import approach_speed
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import ReferencePath
@@ -29,6 +31,8 @@ SHIFTED_PLAN_TIME = 0.2
 """How long the last good plan is followed when the QP fails, in [s]; longer than that is a FAULT."""
 TIGHTENING_TIME = 0.5
 """Time ahead from which on the full tightening is asked, in [s]."""
+OBSERVED_SPEED = 3.0
+"""Speed below which nothing is learned: sideslip is not defined well, in [m/s]."""
 STANDSTILL = 0.1
 """Speed below which the wheels are not turned, in [m/s]."""
 
@@ -47,9 +51,12 @@ class SteeringController:
         self._boxes = np.array(
             [(o.s, o.l, o.length, o.width, o.heading, o.speed) for o in self.obstacles], dtype=np.float64
         ).reshape(-1, 6)
-        self._car = model_parameters(vehicle)
-        self._literal = self.config.formulation == "paper"
-        self._mpc = _paper_mpc(vehicle, self.config) if self._literal else _corridor_mpc(vehicle, self.config)
+        c = self.config
+        self._mpc: Mpc | PaperMpc
+        if c.formulation == "paper":
+            self._mpc = PaperMpc(vehicle, c.weight_steer, c.max_lateral_acceleration)
+        else:
+            self._mpc = _corridor_mpc(vehicle, c)
         self._settings = _planner_settings(vehicle, self.config)
         self._grid = _node_grid(vehicle, self.config, self._mpc.times)
         self._node_times = np.concatenate([[0.0], self._mpc.times])
@@ -65,7 +72,18 @@ class SteeringController:
         self._station: float | None = None
         self._cruise = self.config.cruise_speed
         self._sides = np.zeros(len(self.obstacles), dtype=np.int64)
+        self._before: tuple[float, Array] | None = None  # time and state of the last step
+        self._disturbance = Disturbance()
+        self._believe(self.config.friction)
         self._mpc.reset()
+
+    def _believe(self, friction: float) -> None:
+        self._car = Car.of(self.vehicle, self.config.tyre_model == "affine", friction)
+        share = self.config.slip_share
+        self._slip_limits = (
+            share * peak_slip(self._car.load_f, self._car),
+            share * peak_slip(self._car.load_r, self._car),
+        )
 
     @property
     def problem(self) -> Problem | None:
@@ -89,7 +107,9 @@ class SteeringController:
         else:
             plan = self._fall_back(self._command.time + self.config.period if self._command else 0.0, "INPUT")
         self.plan = plan
-        self._command = SteeringCommand(plan.time, float(plan.states[1, 5]), plan.target_speed, plan.status)
+        limit = self.vehicle.steer_limit
+        angle = min(max(float(plan.states[1, 5]) - self._disturbance.angle, -limit), limit)
+        self._command = SteeringCommand(plan.time, angle, plan.target_speed, plan.status)
         if self._sent:
             self._sent = [*self._sent[1:], self._command.steer_angle]
         return self._command
@@ -101,11 +121,8 @@ class SteeringController:
         s, x0 = self._locate(state)
         corridor = self._plan_corridor(s, x0[0], state)
         target, stop_distance = self._longitudinal(corridor)
-        offset, slope = corridor.offset, corridor.slope
-        if self._literal:
-            offset, slope = np.full_like(offset, self.config.reference_offset), np.zeros_like(slope)
         planned = time.perf_counter()
-        solution = self._mpc.solve(x0, v, offset, slope, corridor.turn_rate, corridor.bounds)
+        solution = self._solve(x0, corridor, state)
         self._sides = corridor.path.sides
         if v < STANDSTILL:
             solution.states[1:, 5] = x0[5]
@@ -122,13 +139,49 @@ class SteeringController:
         self._station = s
         if not self._sent:
             self._sent = [state.steer_angle] * (config.input_delay_steps + 1)
-        x0 = np.array([
+        x = np.array([
             l, math.remainder(state.yaw - heading, math.tau), state.v_y / max(v, 1.0), state.yaw_rate,
             state.steer_angle, self._sent[0],
         ])  # fmt: skip
-        pending = np.array(self._sent[1:])
+        self._observe(state, x)
+        x[5] += self._disturbance.angle
+        pending = np.array(self._sent[1:]) + self._disturbance.angle
+        if len(pending) == 0:
+            return s, x
         s += v * config.period * len(pending)
-        return s, advance(x0, v, self._car, config.period, pending, v * self.path.curvature(s))
+        turn_rate = v * self.path.curvature(s)
+        return s, advance(x, v, turn_rate, self._disturbance_forces(), pending, config.period, self._car)
+
+    def _observe(self, state: VehicleState, x: Array) -> None:
+        """Learn from how the last step really went."""
+        before, self._before = self._before, (state.time, x.copy())
+        config = self.config
+        if before is None or state.v_x < OBSERVED_SPEED or state.time - before[0] > 1.5 * config.period:
+            return
+        start = before[1].copy()
+        start[5] = self._sent[0]  # what was in force since
+        step = state.v_x, state.time - before[0], self._car, self._slip_limits
+        if config.reject_disturbance:
+            self._disturbance = Disturbance(*observe_disturbance(self._disturbance, start, x, *step))
+        if config.estimate_friction:
+            self._believe(observe_friction(start, x, *step, config.friction))
+
+    def _disturbance_forces(self) -> Array:
+        return np.array([self._disturbance.front, self._disturbance.rear])
+
+    def _solve(self, x0: Array, corridor: Corridor, state: VehicleState) -> Solution:
+        mpc, v, good = self._mpc, state.v_x, self._good
+        if isinstance(mpc, PaperMpc):
+            return mpc.solve(x0, v, corridor.turn_rate, corridor.bounds, self.config.reference_offset)
+        if good is None:
+            times, states, age = np.zeros(1), x0[None], 0.0
+        else:
+            times, states, age = good.states_time, good.states, state.time - good.time
+        forces = linearise(mpc.force_times + age, times, states, v, self._disturbance_forces(), self._car)
+        return mpc.solve(
+            x0, v, corridor.offset, corridor.slope, corridor.turn_rate, corridor.bounds, forces, self._slip_limits,
+            self._car,
+        )  # fmt: skip
 
     def _plan_corridor(self, s: float, l: float, state: VehicleState) -> Corridor:  # noqa: E741
         good = self._good
@@ -176,7 +229,7 @@ class SteeringController:
             status, target = Status.DEGRADED, min(base.target_speed, good.target_speed)
         else:
             states = base.states.copy()
-            states[:, 4:] = held
+            states[:, 4:] = held + self._disturbance.angle
             slower = (last.target_speed if last else 0.0) - self.config.comfort_braking * self.config.period
             status, target = Status.FAULT, max(slower, 0.0)
         return replace(
@@ -200,15 +253,8 @@ def _corridor_mpc(vehicle: VehicleParameters, c: ControllerConfig) -> Mpc:
         c.weight_offset, c.weight_lateral_speed, c.weight_acceleration, c.weight_jerk, c.weight_rate,
         c.corridor_penalty, c.slip_penalty,
     )  # fmt: skip
-    limits = Limits(
-        c.max_slip * c.friction, vehicle.steer_limit, vehicle.steer_rate_limit,
-        (vehicle.front_extent, -vehicle.rear_extent),
-    )  # fmt: skip
-    return Mpc(model_parameters(vehicle), c.period, weights, limits)
-
-
-def _paper_mpc(vehicle: VehicleParameters, c: ControllerConfig) -> PaperMpc:
-    return PaperMpc(vehicle, c.weight_steer, c.max_lateral_acceleration)
+    levers = (vehicle.front_extent, -vehicle.rear_extent)
+    return Mpc(c.period, weights, Limits(vehicle.steer_limit, vehicle.steer_rate_limit, levers))
 
 
 def _node_grid(vehicle: VehicleParameters, c: ControllerConfig, times: Array) -> NodeGrid:

@@ -6,8 +6,9 @@ import piqp
 import pytest
 
 from sidestep.controller import ControllerConfig, SteeringController
+from sidestep.controller.car_model import Car
 from sidestep.controller.mpc import Limits, Mpc, MpcWeights
-from sidestep.controller.prediction import exponential, model_block, model_parameters
+from sidestep.controller.prediction import FRONT, RATE, REAR, TURN, exponential, linearise, model_block, steady_gain
 from sidestep.controller.qp import SLACK_CURVATURE, SLACK_UNIT, SLACKS
 from sidestep.plant_models.linear_plant import LinearPlant
 from sidestep.plant_models.obstacle import Obstacle
@@ -17,12 +18,21 @@ from sidestep.plant_models.vehicle import VehicleParameters
 
 BMW = VehicleParameters.preset("bmw-320i")
 WEIGHTS = MpcWeights(4.0, 0.4, 0.05, 2e-3, 0.5, 300.0, 300.0)
-LIMITS = Limits(0.1, BMW.steer_limit, BMW.steer_rate_limit, (BMW.front_extent, -BMW.rear_extent))
+LIMITS = Limits(BMW.steer_limit, BMW.steer_rate_limit, (BMW.front_extent, -BMW.rear_extent))
 DOUBLE = (Obstacle(40.0, -0.6, 4.5, 1.8), Obstacle(70.0, 0.8, 4.5, 1.8))
 
 
+CAR = Car.of(BMW, True, 1.0)
+
+
+def forces(mpc, car, rng):
+    """Lines through the tyre forces of some earlier prediction."""
+    states = rng.normal(0.0, [0.5, 0.05, 0.02, 0.1, 0.03, 0.03], (len(mpc.times), 6))
+    return linearise(mpc.force_times, mpc.times, states, 15.0, rng.normal(0.0, 200.0, 2), car)
+
+
 def make():
-    return Mpc(model_parameters(BMW), 0.02, WEIGHTS, LIMITS)
+    return Mpc(0.02, WEIGHTS, LIMITS)
 
 
 def case(mpc, seed):
@@ -31,7 +41,8 @@ def case(mpc, seed):
     x0 = rng.normal(0.0, [0.5, 0.05, 0.02, 0.1, 0.03, 0.03])
     middle, width = rng.normal(0.0, 0.5, (2, n)).cumsum(axis=1) * 0.1, rng.uniform(0.2, 2.0, (2, n))
     bounds = np.stack([middle[0] - width[0], middle[0] + width[0], middle[1] - width[1], middle[1] + width[1]])
-    return x0, 15.0, rng.normal(0.0, 0.3, n), np.zeros(n), rng.normal(0.0, 0.05, n), bounds
+    path, turn_rate = rng.normal(0.0, 0.3, n), rng.normal(0.0, 0.05, n)
+    return x0, 15.0, path, np.zeros(n), turn_rate, bounds, forces(mpc, CAR, rng), (0.1, 0.1), CAR
 
 
 def all_rows(mpc):
@@ -92,61 +103,58 @@ def test_kkt_residuals(seed):
 
 def test_prediction_is_the_simulated_model():
     mpc = make()
-    x0, v, path, heading, turn_rate, bounds = case(mpc, 3)
-    solution = mpc.solve(x0, v, path, heading, turn_rate, bounds)
+    x0, v, path, heading, turn_rate, bounds, lines, slip, car = case(mpc, 3)
+    solution = mpc.solve(x0, v, path, heading, turn_rate, bounds, lines, slip, car)
     x, before = x0.copy(), 0.0
     for k, t in enumerate(mpc.times):
-        e = exponential(model_block(v, model_parameters(BMW)), t - before)
-        x = e[:6, :6] @ x + e[:6, 6] * solution.z[mpc.block[k]] + e[:6, 7] * turn_rate[k]
+        slope_f, force_f, slope_r, force_r = lines[mpc.group[k]]
+        e = exponential(model_block(v, slope_f, slope_r, car), t - before)
+        x = np.ascontiguousarray(e[:, :6]) @ x + e[:, RATE] * solution.z[mpc.block[k]]
+        x += e[:, TURN] * turn_rate[k] + e[:, FRONT] * force_f + e[:, REAR] * force_r
         assert solution.states[k + 1] == pytest.approx(x, abs=1e-10)
         before = t
 
 
-def cost(mpc, solution, x0, v, path, heading, weights=WEIGHTS):
+def cost(mpc, states, z, v, path, heading, lines):
     """Cost (15) written out from the predicted states."""
-    from sidestep.controller.prediction import steady_gain
-
-    car = model_parameters(BMW)
     steps = np.diff(mpc.times, prepend=0.0) / 0.1
     terminal = np.where(np.arange(len(steps)) == len(steps) - 1, 3.0, 1.0)
-    s = solution.states[1:]
+    s = states[1:]
+    slope_f, force_f, slope_r, force_r = lines[mpc.group].T
     alpha_f = s[:, 4] - s[:, 2] - BMW.l_f * s[:, 3] / v
     alpha_r = -s[:, 2] + BMW.l_r * s[:, 3] / v
-    a_y = (BMW.cornering_stiffness_front * alpha_f + BMW.cornering_stiffness_rear * alpha_r) / BMW.mass
+    a_y = (force_f + slope_f * alpha_f + force_r + slope_r * alpha_r) / BMW.mass
+    w = WEIGHTS
     stage = (
-        weights.offset * (s[:, 0] - path) ** 2 + weights.lateral_speed * (v * (s[:, 1] - heading)) ** 2
-        + weights.acceleration * a_y**2
-    )  # fmt: skip
-    rate = solution.z[mpc.block]
-    effort = (weights.rate + weights.jerk * steady_gain(v, car) ** 2) * rate**2
-    slack = solution.z[-2:] * SLACK_UNIT
-    linear = np.array([weights.corridor, weights.slip]) @ slack
-    return 0.5 * (steps @ (terminal * stage + effort) + SLACK_CURVATURE * slack @ slack) + linear
+        w.offset * (s[:, 0] - path) ** 2 + w.lateral_speed * (v * (s[:, 1] - heading)) ** 2 + w.acceleration * a_y**2
+    )
+    effort = (w.rate + w.jerk * steady_gain(v, CAR) ** 2) * z[mpc.block] ** 2
+    slack = z[-2:] * SLACK_UNIT
+    return 0.5 * (steps @ (terminal * stage + effort) + SLACK_CURVATURE * slack @ slack) + [w.corridor, w.slip] @ slack
 
 
 def test_qp_cost_is_equation_15():
     mpc = make()
-    x0, v, path, heading, turn_rate, bounds = case(mpc, 5)
-    a = mpc.solve(x0, v, path, heading, turn_rate, bounds)
-    p = mpc.problem
-    quadratic = {name: 0.5 * z @ p.P @ z + p.c @ z for name, z in (("optimum", a.z), ("zero", 0 * a.z))}
-    b = make()
-    zero = b.solve(x0, v, path, heading, turn_rate, bounds)
-    object.__setattr__(zero, "z", 0 * a.z)
-    object.__setattr__(zero, "states", np.vstack([x0, b._prediction[0]]))
-    difference = cost(mpc, a, x0, v, path, heading) - cost(mpc, zero, x0, v, path, heading)
-    assert quadratic["optimum"] - quadratic["zero"] == pytest.approx(difference, rel=1e-9)
+    arguments = case(mpc, 5)
+    x0, v, path, heading, _, _, lines, _, _ = arguments
+    solution = mpc.solve(*arguments)
+    p, z = mpc.problem, solution.z
+    free = np.vstack([x0, mpc._prediction[0]])
+    difference = cost(mpc, solution.states, z, v, path, heading, lines) - cost(
+        mpc, free, 0 * z, v, path, heading, lines
+    )
+    assert 0.5 * z @ p.P @ z + p.c @ z == pytest.approx(difference, rel=1e-9)
 
 
 def test_reserve_rows_make_the_reduced_problem_exact():
     """A bound on the side that has no row to begin with is found and kept."""
     mpc = make()
-    x0, v, path, heading, turn_rate, bounds = case(mpc, 1)
+    x0, v, path, heading, turn_rate, bounds, *tyres = case(mpc, 1)
     n = len(mpc.times)
     path = np.where(np.arange(n) < 15, 3.0, -3.0)  # swings from one edge to the other
     bounds = np.stack([np.full(n, -0.4), np.full(n, 0.4)] * 2)
     for _ in range(3):  # the rows to begin with come from the last solution
-        solution = mpc.solve(0 * x0, v, path, heading, turn_rate, bounds)
+        solution = mpc.solve(0 * x0, v, path, heading, turn_rate, bounds, *tyres)
         z, value = exact(mpc)
         assert 0.5 * solution.z @ mpc.problem.P @ solution.z + mpc.problem.c @ solution.z == pytest.approx(
             value, rel=1e-6
@@ -156,17 +164,18 @@ def test_reserve_rows_make_the_reduced_problem_exact():
 
 def test_contradicting_bounds_give_slack_not_failure():
     mpc = make()
-    _, v, path, heading, turn_rate, bounds = case(mpc, 2)
+    _, v, path, heading, turn_rate, bounds, *tyres = case(mpc, 2)
     bounds[:] = 0.0
-    solution = mpc.solve(np.array([2.0, 0.3, 0.0, 0.0, 0.0, 0.0]), v, path, heading, turn_rate, bounds)
+    start = np.array([2.0, 0.3, 0.0, 0.0, 0.0, 0.0])
+    solution = mpc.solve(start, v, path, heading, turn_rate, bounds, *tyres)
     assert solution.solved
     assert solution.slack_corridor > 1.0
 
 
 def test_hard_limits_hold():
     mpc = make()
-    _, v, path, heading, turn_rate, bounds = case(mpc, 4)
-    solution = mpc.solve(np.array([3.0, 0.5, 0.1, 0.4, 0.2, 0.2]), v, path, heading, turn_rate, bounds)
+    _, *arguments = case(mpc, 4)
+    solution = mpc.solve(np.array([3.0, 0.5, 0.1, 0.4, 0.2, 0.2]), *arguments)
     assert np.abs(solution.z[:-2]).max() <= BMW.steer_rate_limit + 1e-9
     assert np.abs(solution.states[:, 5]).max() <= BMW.steer_limit + 1e-9
 

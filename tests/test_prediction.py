@@ -1,95 +1,154 @@
-"""The prediction model against scipy's matrix exponential and the paper's equations."""
+"""The prediction model against scipy's matrix exponential, the paper's equations and independent integration."""
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from sidestep.controller.car_model import Car, axle_force, slip_angles, tangent
 from sidestep.controller.prediction import (
     COARSEST_STEP,
+    FRONT,
     HORIZON,
+    RATE,
+    REAR,
     SLOWEST,
+    TURN,
     advance,
+    double,
     exponential,
     grid,
+    linearise,
     model_block,
-    model_parameters,
-    stage_matrices,
     steady_gain,
 )
-from sidestep.plant_models.bicycle import continuous, discretise
+from sidestep.plant_models.bicycle import continuous
 from sidestep.plant_models.vehicle import VehicleParameters
 
 BMW = VehicleParameters.preset("bmw-320i")
-CAR = model_parameters(BMW)
+LINEAR, AFFINE = Car.of(BMW, False, 1.0), Car.of(BMW, True, 1.0)
+
+
+def block(speed, car=LINEAR):
+    return model_block(speed, car.stiffness_f, car.stiffness_r, car)
+
+
+def square(a):
+    full = np.zeros((10, 10))
+    full[:6] = a
+    return full
 
 
 @pytest.mark.parametrize("speed", [0.0, 2.0, 15.0, 35.0])
 @pytest.mark.parametrize("dt", [0.01, 0.02, 0.16])
 def test_exponential_is_that_of_scipy(speed, dt):
-    block = model_block(speed, CAR)
-    assert exponential(block, dt) == pytest.approx(expm(block * dt), abs=1e-9)
+    expected = expm(square(block(speed)) * dt)[:6]
+    assert exponential(block(speed), dt) == pytest.approx(expected, abs=1e-9)
 
 
-def test_levels_are_powers_of_the_first():
-    block = model_block(15.0, CAR)
-    for i, stage in enumerate(stage_matrices(15.0, CAR, 0.02, 4)):
-        assert stage == pytest.approx(expm(block * 0.02 * 2**i), abs=1e-9)
+def test_doubling_is_the_exponential_of_twice_the_step():
+    assert double(exponential(block(15.0), 0.04)) == pytest.approx(exponential(block(15.0), 0.08), abs=1e-12)
 
 
 def test_model_is_equation_5():
     a, b, _ = continuous(BMW, 15.0)
-    block = model_block(15.0, CAR)
-    assert block[:4, :4] == pytest.approx(a)
-    assert block[:4, 4] == pytest.approx(b)
-    assert block[1, 7] == -1.0  # -v kappa enters as the road's turn rate
+    assert block(15.0)[:4, :4] == pytest.approx(a)
+    assert block(15.0)[:4, 4] == pytest.approx(b)
+    assert block(15.0)[1, TURN] == -1.0  # v kappa enters as the road's turn rate
+    assert block(15.0)[5, RATE] == 1.0
 
 
+def test_axle_forces_enter_like_those_of_the_tyres():
+    """A force at zero slip acts like the slip angle that would make it."""
+    a = block(15.0)
+    assert a[2:4, FRONT] * LINEAR.stiffness_f == pytest.approx(a[2:4, 4])
+    assert a[2, REAR] == a[2, FRONT]
+    assert a[3, REAR] * BMW.l_f == pytest.approx(-a[3, FRONT] * BMW.l_r)
+
+
+def test_tangents_touch_the_magic_formula():
+    for slip in (-0.1, -0.03, 0.0, 0.02, 0.08):
+        slope, force = tangent(slip, AFFINE.stiffness_f, AFFINE.load_f, AFFINE)
+        real = axle_force(slip, AFFINE.stiffness_f, AFFINE.load_f, AFFINE)
+        beside = axle_force(slip + 1e-3, AFFINE.stiffness_f, AFFINE.load_f, AFFINE)
+        assert force + slope * slip == pytest.approx(real)
+        assert force + slope * (slip + 1e-3) == pytest.approx(beside, abs=5.0)
+
+
+def test_linear_car_has_the_same_line_everywhere():
+    states = np.array([[0.0, 0.0, 0.05, 0.3, 0.1, 0.1]])
+    lines = linearise(np.array([0.0, 1.0]), np.zeros(1), states, 15.0, (0.0, 0.0), LINEAR)
+    assert lines == pytest.approx(np.tile([LINEAR.stiffness_f, 0.0, LINEAR.stiffness_r, 0.0], (2, 1)))
+
+
+def test_disturbance_is_added_to_the_lines():
+    lines = linearise(np.zeros(1), np.zeros(1), np.zeros((1, 6)), 15.0, (100.0, -50.0), AFFINE)
+    assert lines[0, [1, 3]] == pytest.approx([100.0, -50.0])
+
+
+def test_lines_follow_the_prediction_in_time():
+    states = np.zeros((3, 6))
+    states[:, 4] = [0.0, 0.05, 0.1]  # steering more and more: the front tyre softens
+    lines = linearise(np.array([0.0, 1.0, 2.0, 9.0]), np.arange(3.0), states, 15.0, (0.0, 0.0), AFFINE)
+    assert np.all(np.diff(lines[:3, 0]) < 0.0)
+    assert lines[3] == pytest.approx(lines[2])
+
+
+@pytest.mark.parametrize("car", [LINEAR, AFFINE], ids=["linear", "affine"])
 @pytest.mark.parametrize("lag", [0.0, 0.05])
-def test_advance_holds_each_command_for_a_period(lag):
-    car = CAR.copy()
-    car[6] = lag
-    start = np.array([0.3, 0.02, 0.01, 0.1, 0.03, 0.03])
-    commands = np.array([0.05, -0.02])
-    there = advance(start, 15.0, car, 0.02, commands, 0.15)
-    a, b, _ = continuous(BMW, 15.0)
-    system = np.zeros((5, 5))
-    system[:4, :4], system[:4, 4] = a, b
-    if lag:
-        system[4, 4] = -1.0 / lag
+def test_advance_is_the_nonlinear_model(car, lag):
+    car = car._replace(lag=lag)
+    start, commands, v = np.array([0.3, 0.02, 0.01, 0.1, 0.03, 0.03]), np.array([0.034, 0.025]), 15.0
+    there = advance(start, v, 0.15, (80.0, -30.0), commands, 0.02, car)
     x = start[:5].copy()
     for command in commands:
-        if not lag:
+        if lag == 0.0:
             x[4] = command
-        inputs = np.array([[0.0], [-0.15], [0.0], [0.0], [command / lag if lag else 0.0]])
-        a_k, g_k = discretise(system, inputs, 0.02)
-        x = a_k @ x + g_k[:, 0]
-    assert there[:5] == pytest.approx(x, abs=1e-10)
+
+        def rates(_, y, command=command):
+            front, rear = slip_angles(y[2], y[3], y[4], v, car)
+            f = axle_force(front, car.stiffness_f, car.load_f, car) + 80.0
+            r = axle_force(rear, car.stiffness_r, car.load_r, car) - 30.0
+            steering = (command - y[4]) / lag if lag else 0.0
+            return [
+                v * (y[1] + y[2]), y[3] - 0.15, (f + r) / (car.mass * v) - y[3],
+                (car.l_f * f - car.l_r * r) / car.yaw_inertia, steering,
+            ]  # fmt: skip
+
+        x = solve_ivp(rates, (0.0, 0.02), x, rtol=1e-10, atol=1e-12).y[:, -1]
+    assert there[:5] == pytest.approx(x, abs=1e-7)
     assert there[5] == commands[-1]
+
+
+def test_actuator_rate_is_limited_on_the_way():
+    there = advance(np.zeros(6), 15.0, 0.0, (0.0, 0.0), np.array([1.0]), 0.02, LINEAR)
+    assert there[4] == pytest.approx(0.02 * BMW.steer_rate_limit)
 
 
 def test_nothing_on_its_way_changes_nothing():
     start = np.arange(6.0)
-    assert np.array_equal(advance(start, 15.0, CAR, 0.02, np.zeros(0), 0.0), start)
+    assert np.array_equal(advance(start, 15.0, 0.0, (0.0, 0.0), np.zeros(0), 0.02, LINEAR), start)
 
 
 @pytest.mark.parametrize("speed", [5.0, 15.0, 30.0])
 def test_steady_gain_is_the_limit_of_the_model(speed):
     a, b, _ = continuous(BMW, speed)
-    beta, gamma = np.linalg.solve(a[2:, 2:], -b[2:])
-    assert steady_gain(speed, CAR) == pytest.approx(speed * gamma, rel=1e-9)
-    assert np.isfinite(beta)
+    _, gamma = np.linalg.solve(a[2:, 2:], -b[2:])
+    assert steady_gain(speed, LINEAR) == pytest.approx(speed * gamma, rel=1e-9)
 
 
 @pytest.mark.parametrize("period", [0.005, 0.01, 0.02, 0.04, 0.05, 0.1])
 def test_grid_covers_the_horizon(period):
-    level, block = grid(period)
+    level, block, group = grid(period)
     steps = period * 2.0**level
     assert abs(steps.sum() - HORIZON) <= steps.max()
     assert steps.max() <= max(COARSEST_STEP * 1.5, period)
-    assert len(block) == len(level)
+    assert len(group) == len(block) == len(level)
     assert set(np.diff(block)) <= {0, 1}
+    assert set(np.diff(group)) <= {0, 1}
     assert np.all(np.diff(level) >= 0)
+    assert all(len(set(level[group == g])) == 1 for g in range(group[-1] + 1))
 
 
 def test_below_the_slowest_speed_the_model_stands_still():
-    assert np.array_equal(model_block(0.0, CAR), model_block(SLOWEST, CAR))
+    assert np.array_equal(block(0.0), block(SLOWEST))

@@ -136,7 +136,7 @@ def test_input_that_is_not_finite_never_reaches_the_solver(name, value):
 
 
 def test_stale_input_follows_the_shifted_plan_and_then_holds():
-    controller = SteeringController(BMW, ROAD, SINGLE)
+    controller = SteeringController(BMW, ROAD, SINGLE, ControllerConfig(reject_disturbance=False))
     for k in range(60):
         controller.step(good_state(0.02 * k))
     planned = controller.plan

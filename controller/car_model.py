@@ -1,0 +1,98 @@
+"""What the controller knows of the car: inertia, geometry, actuator and axle forces.
+
+An axle is two tyres at half its static load. Its force is either linear in the slip angle, as in the paper,
+or the Magic Formula, which the prediction replaces by its tangent at the slip angle of the last plan.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from sidestep.plant_models.tyre import magic_formula
+from sidestep.plant_models.vehicle import GRAVITY, VehicleParameters
+
+SLOPE_STEP = 1e-4
+"""Half the step of the central difference that gives a tangent, in [rad]."""
+PEAK_STEP = 5e-4
+"""Accuracy of the peak's slip angle, in [rad]."""
+LEAST_SLOPE = 0.05
+"""A tangent is at least this share of the slope at zero slip: steering must keep its effect beyond the peak."""
+
+
+class Car(NamedTuple):
+    """Data of the prediction model, SI units; axle stiffness and load per axle.
+
+    Attributes:
+        affine: Whether axle forces are tangents to the Magic Formula; linear in the slip angle if not.
+        tyre: See TyreParameters.as_array.
+        friction: That the controller believes, as a factor on the tyre's peak.
+    """
+
+    mass: float
+    yaw_inertia: float
+    l_f: float
+    l_r: float
+    stiffness_f: float
+    stiffness_r: float
+    lag: float
+    load_f: float
+    load_r: float
+    steer_limit: float
+    rate_limit: float
+    affine: bool
+    tyre: NDArray[np.float64]
+    friction: float
+
+    @classmethod
+    def of(cls, vehicle: VehicleParameters, affine: bool, friction: float) -> "Car":
+        """The car of a vehicle file."""
+        per_length = vehicle.mass * GRAVITY / vehicle.wheelbase
+        return cls(
+            mass=vehicle.mass, yaw_inertia=vehicle.yaw_inertia, l_f=vehicle.l_f, l_r=vehicle.l_r,
+            stiffness_f=vehicle.cornering_stiffness_front, stiffness_r=vehicle.cornering_stiffness_rear,
+            lag=vehicle.steer_time_constant, load_f=per_length * vehicle.l_r, load_r=per_length * vehicle.l_f,
+            steer_limit=vehicle.steer_limit, rate_limit=vehicle.steer_rate_limit,
+            affine=affine, tyre=vehicle.tyre.as_array(), friction=friction,
+        )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def axle_force(slip, stiffness, load, car):
+    """Lateral force of an axle, in [N], at a slip angle in [rad]; `stiffness` [N/rad] and `load` [N] of the axle."""
+    if not car.affine:
+        return stiffness * slip
+    return 2.0 * magic_formula(0.0, slip, 0.5 * load, car.friction, car.tyre)[1]
+
+
+@njit(cache=True, nogil=True)
+def tangent(slip, stiffness, load, car):
+    """Slope [N/rad] and force at zero slip [N] of the line that touches the axle's force at a slip angle."""
+    if not car.affine:
+        return stiffness, 0.0
+    force = axle_force(slip, stiffness, load, car)
+    rise = axle_force(slip + SLOPE_STEP, stiffness, load, car) - axle_force(slip - SLOPE_STEP, stiffness, load, car)
+    least = LEAST_SLOPE * axle_force(SLOPE_STEP, stiffness, load, car) / SLOPE_STEP
+    slope = max(rise / (2.0 * SLOPE_STEP), least)
+    return slope, force - slope * slip
+
+
+@njit(cache=True, nogil=True)
+def slip_angles(beta, yaw_rate, steer, speed, car):
+    """Front and rear slip angle, in [rad], as in Eq. (2) and (3)."""
+    return steer - beta - car.l_f * yaw_rate / speed, -beta + car.l_r * yaw_rate / speed
+
+
+@njit(cache=True, nogil=True)
+def peak_slip(load, car):
+    """Slip angle at which the Magic Formula of an axle peaks, in [rad]; 45 deg if it never falls again."""
+    best, slip = 0.0, 0.0
+    while slip < 0.25 * math.pi:
+        slip += PEAK_STEP
+        force = magic_formula(0.0, slip, 0.5 * load, car.friction, car.tyre)[1]
+        if force < best:
+            break
+        best = force
+    return slip

@@ -1,0 +1,131 @@
+"""What the model does not know: constant disturbances and less friction, learned from one step to the next.
+
+Two states one step apart give the forces that the axles really had; what the tyre model lacks of them is
+learned as a force per axle, and what the actuator lacks of its command as a steering angle. Together they
+stand for a misaligned steering, bank, side wind and wrong stiffness, and act where the prediction has inputs
+for them. They are learned slowly against the car's own motion: the steady part of a mismatch is taken,
+transients are left alone.
+"""
+
+import math
+from typing import NamedTuple
+
+from numba import njit
+
+from sidestep.controller.car_model import axle_force, slip_angles
+from sidestep.controller.prediction import SLOWEST
+
+DISTURBANCE_TIME = 0.8
+"""Time constant of the disturbance estimate, in [s]."""
+MAX_FORCE_SHARE, MAX_ANGLE = 0.15, 0.05
+"""Largest estimates: axle force as a share of its load, steering angle in [rad]."""
+LINEAR_SHARE = 0.5
+"""Forces are learned while both slip angles are below this share of their bound: beyond it, less friction
+looks like a force."""
+FRICTION_TIME = 0.15
+"""Time constant with which the friction bound falls, in [s]."""
+FRICTION_RECOVERY = 0.01
+"""Speed with which it rises again while nothing speaks against it, in [1/s]."""
+UTILISED = 0.6
+"""Share of the front slip bound from which on the axle forces tell about friction."""
+LEAST_FRICTION = 0.1
+
+
+class Disturbance(NamedTuple):
+    """Estimate of what acts on the car beside the model.
+
+    Attributes:
+        angle: Realised minus commanded road-wheel angle at rest, in [rad].
+        front, rear: Lateral force at the axles, in [N].
+    """
+
+    angle: float = 0.0
+    front: float = 0.0
+    rear: float = 0.0
+
+
+@njit(cache=True, nogil=True)
+def real_forces(before, now, v, period, car):
+    """Lateral axle forces between two states, from Newton's and Euler's law.
+
+    Args:
+        before, now: States of `prediction`, shape (6,).
+        v, period: Speed in [m/s] and time between the two in [s].
+        car: Car.
+
+    Returns:
+        Front and rear force, in [N].
+    """
+    lateral = car.mass * v * ((now[2] - before[2]) / period + 0.5 * (now[3] + before[3]))
+    moment = car.yaw_inertia * (now[3] - before[3]) / period
+    wheelbase = car.l_f + car.l_r
+    return (car.l_r * lateral + moment) / wheelbase, (car.l_f * lateral - moment) / wheelbase
+
+
+@njit(cache=True, nogil=True)
+def _model_forces(before, now, v, car):
+    middle = 0.5 * (before + now)
+    front, rear = slip_angles(middle[2], middle[3], middle[4], v, car)
+    force_f = axle_force(front, car.stiffness_f, car.load_f, car)
+    return front, rear, force_f, axle_force(rear, car.stiffness_r, car.load_r, car)
+
+
+@njit(cache=True, nogil=True)
+def _towards(estimate, target, gain, limit):
+    return min(max(estimate + gain * (target - estimate), -limit), limit)
+
+
+@njit(cache=True, nogil=True)
+def observe_disturbance(estimate, before, now, speed, period, car, slip_limits):
+    """One step of the disturbance observer.
+
+    Args:
+        estimate: Disturbance of the step before.
+        before, now: States of `prediction` at the last and this step, shape (6,); before[5] is the command
+            that was in force in between.
+        speed: v, in [m/s].
+        period: Between the two states, in [s].
+        car: Car.
+        slip_limits: Front and rear, in [rad].
+
+    Returns:
+        The fields of Disturbance.
+    """
+    v = max(speed, SLOWEST)
+    gain = period / DISTURBANCE_TIME
+    angle, front, rear = estimate
+    left = math.exp(-period / car.lag) if car.lag > 1e-3 else 0.0
+    if abs(now[4] - before[4]) < 0.9 * car.rate_limit * period:
+        towards = (now[4] - before[4] * left) / (1.0 - left)  # the angle that the actuator went for
+        angle = _towards(angle, towards - before[5], gain, MAX_ANGLE)
+    slip_f, slip_r, model_f, model_r = _model_forces(before, now, v, car)
+    if abs(slip_f) < LINEAR_SHARE * slip_limits[0] and abs(slip_r) < LINEAR_SHARE * slip_limits[1]:
+        real_f, real_r = real_forces(before, now, v, period, car)
+        front = _towards(front, real_f - model_f, gain, MAX_FORCE_SHARE * car.load_f)
+        rear = _towards(rear, real_r - model_r, gain, MAX_FORCE_SHARE * car.load_r)
+    return angle, front, rear
+
+
+@njit(cache=True, nogil=True)
+def observe_friction(before, now, speed, period, car, slip_limits, believed):
+    """One step of the estimate of the friction's upper bound.
+
+    Where the tyres are used, the force that the car really has bounds the friction from above: less than the
+    tyre model's says that the road gives less.
+
+    Args:
+        before, now: States of `prediction` at the last and this step, shape (6,).
+        speed, period: In [m/s] and [s].
+        car: Car, whose friction is the estimate of the step before.
+        slip_limits: Front and rear at that friction, in [rad].
+        believed: The estimate never exceeds this.
+    """
+    v = max(speed, SLOWEST)
+    slip_f, _, model_f, model_r = _model_forces(before, now, v, car)
+    real_f, real_r = real_forces(before, now, v, period, car)
+    if abs(slip_f) > UTILISED * slip_limits[0] and model_f * model_r > 0.0:
+        share = (real_f + real_r) / (model_f + model_r)
+        if share < 1.0:
+            fallen = car.friction * (1.0 - period / FRICTION_TIME * (1.0 - max(share, 0.0)))
+            return max(fallen, min(LEAST_FRICTION, believed))
+    return min(car.friction + FRICTION_RECOVERY * period, believed)
