@@ -26,8 +26,10 @@ FRICTION_TIME = 0.15
 """Time constant with which the friction bound falls, in [s]."""
 FRICTION_RECOVERY = 0.01
 """Speed with which it rises again while nothing speaks against it, in [1/s]."""
-UTILISED = 0.6
+UTILISED = 0.45
 """Share of the front slip bound from which on the axle forces tell about friction."""
+MODEL_ERROR = 0.1
+"""Shortfall of the real force that still passes for an error of the tyre model, as a share."""
 LEAST_FRICTION = 0.1
 
 
@@ -124,7 +126,7 @@ def observe_friction(before, now, speed, period, car, slip_limits, believed):
     slip_f, _, model_f, model_r = _model_forces(before, now, v, car)
     real_f, real_r = real_forces(before, now, v, period, car)
     if abs(slip_f) > UTILISED * slip_limits[0] and model_f * model_r > 0.0:
-        share = (real_f + real_r) / (model_f + model_r)
+        share = (real_f + real_r) / (model_f + model_r) + MODEL_ERROR
         if share < 1.0:
             fallen = car.friction * (1.0 - period / FRICTION_TIME * (1.0 - max(share, 0.0)))
             return max(fallen, min(LEAST_FRICTION, believed))
