@@ -40,7 +40,7 @@ def test_every_equation_of_the_paper_has_a_place():
 
 def test_sizes_in_the_data_flow_are_those_of_the_code():
     page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-    level, block = grid(ControllerConfig().period)
+    level, block, _ = grid(ControllerConfig().period)
     assert f"lattice of {LAYERS} layers" in page
     assert f"{len(level)} nodes" in page
     assert f"{block[-1] + 1} steering rates, {SLACKS} slacks" in page
