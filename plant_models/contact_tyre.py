@@ -17,7 +17,7 @@ from numba import config, njit, types
 
 from sidestep.plant_models.linear_plant import steered
 from sidestep.plant_models.speed_control import limited_acceleration
-from sidestep.plant_models.tyre import magic_formula
+from sidestep.plant_models.tyre import TYRE, tyre_forces
 
 _LOW_SPEED = 3.0  # below it, the deflection is bounded and damped, [m/s]
 _SLIP_AT_REST = 0.1  # deflection over relaxation length where every tyre has reached its peak
@@ -29,7 +29,7 @@ _ABSURD = 1e5  # no joint moves that fast, [m/s] or [rad/s]
 
 CAR = np.dtype(
     [
-        ("tyre", np.float64, 22),  # TyreParameters.as_array()
+        ("tyre", TYRE, (1,)),  # TyreParameters.as_array()
         ("friction", np.float64),
         ("mass", np.float64),
         ("unsprung", np.float64, 4),  # masses, [kg]
@@ -119,7 +119,7 @@ def relaxed_slip(deflection, slide_x, slide_y, rolling, dt, tyre):
     Returns:
         Slip ratio kappa, in [-], and slip angle alpha, in [rad].
     """
-    length_x, length_y, rolling = tyre[20], tyre[21], abs(rolling)
+    length_x, length_y, rolling = tyre[0]["relaxation_x"], tyre[0]["relaxation_y"], abs(rolling)
     x = (deflection[0] - dt * slide_x) / (length_x + dt * rolling)
     y = (deflection[1] - dt * slide_y) / (length_y + dt * rolling)
     shrink = min(1.0, (_SLIP_AT_REST + rolling / _LOW_SPEED) / max(math.hypot(x, y), 1e-9))
@@ -155,7 +155,7 @@ def _tyre(i, dt, car, state, sensors, xipos, xmat, qvel, xfrc):
     radius = math.sqrt(_dot(arm, arm))
     rolling = slide_x + qvel[car["spin"][i]] * radius
     kappa, alpha = relaxed_slip(state["deflection"][i], slide_x, slide_y, rolling, dt, car["tyre"])
-    fx, fy = magic_formula(kappa, alpha, load, car["friction"], car["tyre"])
+    fx, fy, _ = tyre_forces(kappa, alpha, 0.0, load, car["friction"], car["tyre"])
     for k in range(3):
         force[k] = fx * ahead[k] + fy * left[k]
     # The patch lies half the penetration below the road, where the wheel rolls; the car leans on the road.
@@ -180,7 +180,7 @@ def _wheel_torques(dt, car, state, qvel, ctrl):
     total = max(state["load"].sum(), 1.0)
     for i in range(4):
         load, arm, fx, fy = state["load"][i], state["arm"][i], state["shear"][i, 0], state["shear"][i, 1]
-        grip = (_GRIP_USED * car["tyre"][2] * car["friction"] * load) ** 2 - fy**2
+        grip = (_GRIP_USED * car["tyre"][0]["p_dx1"] * car["friction"] * load) ** 2 - fy**2
         if abs(state["slip"][i, 0]) > _SLIP_RELEASE:
             grip = 0.0
         grip = math.sqrt(max(grip, 0.0))

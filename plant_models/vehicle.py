@@ -8,6 +8,7 @@ from typing import Any
 
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.tyre import TyreParameters
+from sidestep.plant_models.tyre_file import read_tyre
 
 GRAVITY = 9.81
 """Acceleration of gravity used by every plant, in [m/s^2]."""
@@ -142,6 +143,8 @@ class VehicleParameters:
     def from_file(cls, path: str | Path, **overrides: Any) -> "VehicleParameters":
         """Read a vehicle TOML file: the fields of this class, tables `tyre` and `suspension`.
 
+        `tyre_file` names a .tir file, seen from this file's folder; `tyre` then changes what it says.
+
         Raises:
             InputError: The file cannot be read, or a key or value in it cannot be used.
         """
@@ -151,7 +154,7 @@ class VehicleParameters:
             raise InputError(str(path), str(error)) from error
         data.setdefault("name", Path(path).stem)
         try:
-            data["tyre"] = _build(TyreParameters, "vehicle.tyre", data.get("tyre", {}))
+            data["tyre"] = _tyre(data, Path(path).parent)
             if "suspension" in data:
                 data["suspension"] = _build(SuspensionParameters, "vehicle.suspension", data["suspension"])
             vehicle = _build(cls, "vehicle", data)
@@ -173,6 +176,12 @@ class VehicleParameters:
 def vehicle_presets() -> tuple[str, ...]:
     """Names of the built-in cars."""
     return tuple(sorted(file.stem for file in _PRESETS.glob("*.toml")))
+
+
+def _tyre(data: dict[str, Any], folder: Path) -> TyreParameters:
+    file, table = data.pop("tyre_file", ""), data.get("tyre", {})
+    tyre = _build(TyreParameters, "vehicle.tyre", table)
+    return replace(read_tyre(folder / str(file)), **table) if file else tyre
 
 
 def _build(cls: type, where: str, data: Any) -> Any:

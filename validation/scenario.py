@@ -14,6 +14,7 @@ from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import Arc, Clothoid, Line, ReferencePath
 from sidestep.plant_models.signals import VehicleState
+from sidestep.plant_models.tyre_file import read_tyre
 from sidestep.plant_models.vehicle import VehicleParameters
 from sidestep.validation.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
 from sidestep.validation.tables import checked, did_you_mean, joined, override
@@ -224,9 +225,10 @@ def _obstacle(table: Any, where: str) -> Obstacle:
 
 
 def _vehicle(table: dict[str, Any], folder: Path) -> VehicleParameters:
-    values = checked(VehicleParameters, table, "vehicle", partial=True, also={"preset": str, "file": str})
-    preset, file = values.pop("preset", "bmw-320i"), values.pop("file", "")
+    values = checked(VehicleParameters, table, "vehicle", partial=True, also={"preset": str, "file": str, "tyre_file": str})
+    preset, file, tyre_file = values.pop("preset", "bmw-320i"), values.pop("file", ""), values.pop("tyre_file", "")
     base = VehicleParameters.from_file(folder / file) if file else VehicleParameters.preset(preset)
+    base = base.with_(tyre=read_tyre(folder / tyre_file)) if tyre_file else base
     for name in ("tyre", "suspension"):
         if name in values:
             values[name] = replace(getattr(base, name), **values[name])
