@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from types import SimpleNamespace
 
@@ -20,6 +21,7 @@ from sidestep.validation import report as report_module
 from sidestep.validation import runs as runs_module
 from sidestep.validation.cli import main
 from sidestep.validation.console import cells, number
+from sidestep.validation.interrupt import interrupts_between_steps
 from sidestep.validation.plants import open_plant
 from sidestep.validation.recording import read_columns
 from sidestep.validation.scenario import built_in_scenarios, load_scenario
@@ -198,6 +200,61 @@ def test_an_interrupt_leaves_complete_files_of_what_ran(monkeypatch, tmp_path, c
     output = capsys.readouterr()
     assert "a/report.html" in output.out
     assert output.err == "sidestep: interrupted\n"
+
+
+def press_ctrl_c():
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_ctrl_c_waits_until_it_is_asked_for():
+    done = []
+
+    def work():
+        with interrupts_between_steps() as interruption:
+            interruption()
+            press_ctrl_c()
+            done.append("the step")
+            interruption()
+            done.append("the next one")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert done == ["the step"]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_ctrl_c_that_nobody_asks_for_is_raised_at_the_end():
+    done = []
+
+    def work():
+        with interrupts_between_steps():
+            press_ctrl_c()
+            done.append("the file")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert done == ["the file"]
+
+
+def test_a_second_ctrl_c_does_not_wait():
+    def work():
+        with interrupts_between_steps():
+            press_ctrl_c()
+            press_ctrl_c()
+            pytest.fail("it was held back")
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+
+
+def test_other_threads_are_left_alone():
+    def work():
+        with interrupts_between_steps() as interruption:
+            interruption()
+            return signal.getsignal(signal.SIGINT)
+
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(work).result() is signal.default_int_handler
 
 
 def test_ctrl_c_from_outside(tmp_path):

@@ -123,7 +123,7 @@ def _run(options: argparse.Namespace) -> int:
             scenario, folder, options.can, options.coupling, options.allow_real_bus, options.view, progress,
             options.command_line,
         )  # fmt: skip
-    write_run(run)
+        write_run(run)
     print_runs([run.summary])
     print(f"report: {folder / 'report.html'}")
     if run.interrupted:

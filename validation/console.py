@@ -1,6 +1,5 @@
 """What the commands show: progress, and the table of runs that the demo's report has, too."""
 
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -10,6 +9,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
+
+from sidestep.validation.interrupt import interrupts_between_steps
 
 HEADS = (
     "clearance\n[m]", "max |a_y|\n[m/s²]", "max steer\nrate [rad/s]", "lateral error\nRMS [m]", "infeasible\nsteps",
@@ -74,13 +75,25 @@ def _table(title: str, summaries: Sequence[dict[str, Any]]) -> Table:
 
 @contextmanager
 def progress_bar(title: str, total: float) -> Iterator[Callable[[float], None]]:
-    """A bar on the terminal's stderr, nothing elsewhere; yields what sets how far it is."""
+    """A bar on the terminal's stderr, nothing elsewhere.
+
+    Yields what sets how far it is, and raises the KeyboardInterrupt that came since; until then Ctrl-C waits.
+    """
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
         TextColumn("{task.percentage:>3.0f} %"),
         TimeElapsedColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as bar:
+    console = Console(stderr=True)
+    with (
+        interrupts_between_steps() as interruption,
+        Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar,
+    ):
         task = bar.add_task(title, total=total)
-        yield lambda done: bar.update(task, completed=done)
+
+        def progress(done: float) -> None:
+            bar.update(task, completed=done)
+            interruption()
+
+        yield progress

@@ -1,5 +1,6 @@
 """`sidestep demo`: the paper's two scenes on three plants with steering on CAN, and the paper's own baseline."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -35,33 +36,34 @@ def demo(out: Path, command_line: str = "") -> int:
     runs: list[Run] = []
     summaries: list[dict[str, Any]] = []
     interrupted = False
-    with progress_bar("demo", len(scenarios)) as progress:
-        try:
-            for done, scenario in enumerate(scenarios):
-                progress(done)
-                summaries.append(_run(scenario, out, command_line, runs))
-                if runs and runs[-1].interrupted:
-                    raise KeyboardInterrupt
-        except KeyboardInterrupt:
-            interrupted = True
-    passed = not interrupted and all(s["verdict"] == "pass" for s in summaries if s["preset"] == "default")
-    with written_to(out):
+    with progress_bar("demo", len(scenarios)) as progress, written_to(out):
+        for done, scenario in enumerate(scenarios):
+            summaries.append(_run(scenario, out, command_line, runs, _part(progress, done, scenario.duration)))
+            interrupted = bool(runs) and runs[-1].interrupted
+            if interrupted:
+                break
+        passed = not interrupted and all(s["verdict"] == "pass" for s in summaries if s["preset"] == "default")
         write_text(out / "summary.json", strict_json({"runs": summaries}))
-        if runs:
-            write_text(out / "report.html", demo_report(runs, summaries, passed))
+        write_text(out / "report.html", demo_report(runs, summaries, passed))
     print_runs(summaries)
-    print(f"report: {out / 'report.html'}" if runs else f"no run in {out}")
+    print(f"report: {out / 'report.html'}")
     if interrupted:
         raise KeyboardInterrupt
     return 0 if passed else 1
 
 
-def _run(scenario: Scenario, out: Path, command_line: str, runs: list[Run]) -> dict[str, Any]:
+def _part(progress: Callable[[float], None], done: int, duration: float) -> Callable[[float], None]:
+    return lambda time: progress(done + time / duration)
+
+
+def _run(
+    scenario: Scenario, out: Path, command_line: str, runs: list[Run], progress: Callable[[float], None]
+) -> dict[str, Any]:
     """Drive and write one run; the summary of one that cannot be started says why."""
     preset = scenario.controller_preset
     name = f"{scenario.name}-{scenario.plant.name}" + (f"-{preset}" if preset != "default" else "")
     try:
-        run = drive(scenario, out / name, command_line=command_line)
+        run = drive(scenario, out / name, progress=progress, command_line=command_line)
     except (InputError, PlantError) as error:
         return {
             "scenario": scenario.name, "plant": scenario.plant.name, "preset": preset,

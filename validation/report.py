@@ -117,7 +117,7 @@ def demo_report(runs: Sequence[Run], summaries: Sequence[dict[str, Any]], passed
         sentence=f"{'PASS' if passed else 'FAIL'}: {good} of {len(counted)} runs passed{worst}",
         scenes=scenes,
         heads=HEADS,
-        provenance=_provenance(runs[0].summary),
+        provenance=_provenance(runs[0].summary) if runs else [],
     )
 
 

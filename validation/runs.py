@@ -60,7 +60,7 @@ def drive(
         can: Bus that carries the steering commands, see `sidestep.controller.can_port.bus.SPECS`.
         coupling: See `cosimulate`.
         allow_real_bus: Whether that bus may reach hardware.
-        view: Show MuJoCo's viewer, in real time, instead of progress.
+        view: Show MuJoCo's viewer, in real time.
         progress: Called with the simulated time, in [s].
         command_line: For the summary.
 
@@ -76,8 +76,17 @@ def drive(
             log.unlink(missing_ok=True)
             port = SteeringPort(can, log, scenario.vehicle.steer_rate_limit, allow_real_bus)
         with port:
-            recording = cosimulate(controller, plant, scenario, port, coupling, show or progress)
+            recording = cosimulate(controller, plant, scenario, port, coupling, _both(show, progress))
     judgement = judge(recording, scenario)
     frames = {"sent": port.sent, "lost": port.lost, "interface": port.interface}
     summary = summarise(scenario, recording, judgement, can=frames, coupling=coupling, command_line=command_line)
     return Run(scenario, recording, judgement, summary, folder)
+
+
+def _both(*calls: Callable[[float], None] | None) -> Callable[[float], None]:
+    def call(time: float) -> None:
+        for each in calls:
+            if each is not None:
+                each(time)
+
+    return call
