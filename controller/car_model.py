@@ -43,7 +43,7 @@ class Car(NamedTuple):
     steer_limit: float
     rate_limit: float
     affine: bool
-    tyre: NDArray[np.float64]
+    tyre: NDArray[np.void]
     friction: float
 
     @classmethod

@@ -61,8 +61,8 @@ class ControllerConfig:
     weight_continuity: float = 0.2
     weight_obstacle: float = 3.0
     side_hysteresis: float = 2.0
-    max_lateral_speed: float = 3.6
-    max_slope: float = 0.5
+    max_lateral_speed: float = 5.0
+    max_slope: float = 0.35
     weight_offset: float = 4.0
     weight_lateral_speed: float = 0.4
     weight_acceleration: float = 0.05

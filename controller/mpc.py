@@ -1,5 +1,6 @@
 """The multi-constraint MPC: fills the QP of one step and has PIQP solve it."""
 
+import math
 import time
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -70,6 +71,7 @@ class Solution:
         iterations, primal_residual, dual_residual: PIQP's own figures; iterations summed over rounds.
         slack_corridor: How far the prediction leaves the corridor, in [m].
         slack_slip: How far it leaves the slip bound, in [rad].
+        time_to_excess: When it first leaves the corridor by a centimetre, from now, in [s]; infinite if never.
         build_us, solve_us: Time spent, in [us].
     """
 
@@ -82,6 +84,7 @@ class Solution:
     dual_residual: float
     slack_corridor: float
     slack_slip: float
+    time_to_excess: float
     build_us: float
     solve_us: float
 
@@ -163,7 +166,7 @@ class Mpc:
         slip_nodes = np.arange(2, min(nodes, 17), 2)
         self.corridor_lines = 2 * (nodes - first)
         count = self.corridor_lines + 2 * len(slip_nodes)
-        begins = np.searchsorted(self.group, np.arange(self.group[-1] + 2))
+        begins = np.searchsorted(self.group, np.arange(int(self.group[-1]) + 2))
         edges = np.concatenate([[0.0], self.times])[begins]
         self.force_times: Array = 0.5 * (edges[1:] + edges[:-1])
         self._grid = (period, self.level, self.block, self.group)
@@ -178,6 +181,9 @@ class Mpc:
     def problem(self) -> Problem:
         """The QP of the last solve; the next one overwrites its arrays."""
         return self._used.problem
+
+    def _time_of_line(self, line: int) -> float:
+        return float(self.times[self._line_nodes[0] + line // 2]) if line < self.corridor_lines else math.inf
 
     def reset(self) -> None:
         """Forget the last solution, which only chooses the rows to begin with."""
@@ -199,7 +205,7 @@ class Mpc:
             iterations += int(result.info.iter)
             z = np.array(result.x)  # a view that the next solve overwrites
             before = used
-            used, corridor, slip = add_violated(z, used, TOLERANCE, self.corridor_lines, *self.lines, *rows.rows)
+            used, corridor, slip, first = add_violated(z, used, TOLERANCE, self.corridor_lines, *self.lines, *rows.rows)
             if used == before or status != piqp.PIQP_SOLVED or rows is self._full:
                 break
             if used > RESERVE:
@@ -215,5 +221,6 @@ class Mpc:
         return Solution(
             z=z, states=_states(x0, z, *self._prediction), status=status.name, solved=solved, iterations=iterations,
             primal_residual=float(result.info.primal_res), dual_residual=float(result.info.dual_res),
-            slack_corridor=corridor, slack_slip=slip, build_us=1e6 * (built - began), solve_us=1e6 * (ended - built),
+            slack_corridor=corridor, slack_slip=slip, time_to_excess=self._time_of_line(first),
+            build_us=1e6 * (built - began), solve_us=1e6 * (ended - built),
         )  # fmt: skip

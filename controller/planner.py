@@ -23,10 +23,15 @@ TIE = 1e-9
 
 
 class PlannerSettings(NamedTuple):
-    """What the search needs to know of car and configuration, see VehicleParameters and ControllerConfig."""
+    """What the search needs to know of car and configuration, see VehicleParameters and ControllerConfig.
+
+    The body follows the path with its ends, so that each station of the path is checked for itself and
+    `reach` to both sides of it, not for the whole length of a car that stands across its path.
+    """
 
     front: float
     rear: float
+    reach: float
     half_width: float
     buffer: float
     tightening: float
@@ -50,7 +55,7 @@ class PlannedPath(NamedTuple):
         stations: From the car on, relative to it, shape (S,), in [m].
         offsets: Planned l, shape (S,), in [m].
         right, left: Corridor (13) for the car's centre, shape (S,), in [m].
-        sides: Passing side of each obstacle, +1 left of it, -1 right, 0 in the way, shape (M,).
+        sides: Passing side of each obstacle, +1 left of it, -1 right, 0 if the path runs into it, shape (M,).
         cost: Minimum of (9), summed.
         blocker: Index of the first obstacle in the way, or FREE or GAP_TOO_NARROW.
         room: Distance that the car can go before a gap that is too narrow, in [m].
@@ -92,12 +97,11 @@ def node_costs(stations, offsets, speed, polygons, speeds, committed, p):
         for i in range(stations.shape[0]):
             half_layer = 0.5 * (stations[min(i + 1, stations.shape[0] - 1)] - stations[max(i - 1, 0)]) * 0.5
             shift = speeds[m] * stations[i] / speed
-            along = max(begin + shift - stations[i] - p.front, stations[i] - p.rear - end - shift, 0.0)
+            along = max(begin + shift - stations[i] - p.reach, stations[i] - p.reach - end - shift, 0.0)
             if along > p.safe_distance + half_layer:
                 continue
-            low, high = lateral_interval(
-                polygons[m], shift, stations[i] - p.rear - half_layer, stations[i] + p.front + half_layer
-            )
+            reach = half_layer + p.reach
+            low, high = lateral_interval(polygons[m], shift, stations[i] - reach, stations[i] + reach)
             inside = low <= high
             if not inside:
                 low, high = low_all, high_all
@@ -210,11 +214,11 @@ def plan_path(station, offset, speed, polygons, speeds, committed, p):
     path = np.empty(LAYERS + 1)
     path_stations[0], path[0] = 0.0, offset
     path_stations[1:], path[1:] = stations, offsets[nodes]
-    sides, blocker = _passing_sides(path_stations, path, pace, polygons, speeds, p)
-    reach_along = np.full(LAYERS + 1, 0.5 * (p.front + p.rear))
+    sides, blocker, blocked_from = _passing_sides(path_stations, path, pace, polygons, speeds, p)
+    path[max(blocked_from, 1) :] = path[max(blocked_from, 1) - 1]  # stay where it is free until then
     right, left = corridor_bounds(
-        path_stations + 0.5 * (p.front - p.rear), path_stations / pace, reach_along,
-        polygons, speeds, sides, p.right_edge, p.left_edge,
+        path_stations, path_stations / pace, np.full(LAYERS + 1, p.reach), polygons, speeds, sides,
+        p.right_edge, p.left_edge,
     )  # fmt: skip
     right, left = right + hard, left - hard
     room = 0.0
@@ -230,27 +234,34 @@ def plan_path(station, offset, speed, polygons, speeds, committed, p):
 
 @njit(cache=True, nogil=True)
 def _passing_sides(stations, path, pace, polygons, speeds, p):
-    """Side on which the path passes each obstacle, and the first obstacle that it cannot pass."""
+    """Side on which the path passes each obstacle, what blocks it first, and from which station on."""
     sides = np.zeros(polygons.shape[0], np.int64)
-    blocker, blocked_at = FREE, math.inf
+    blocker, nearest_face, blocked_from = FREE, math.inf, stations.shape[0]
+    reach = max(p.reach, 0.5 * (stations[2] - stations[1]))
     for m in range(polygons.shape[0]):
-        nearest, best = 0, math.inf
-        centre, middle = 0.5 * (polygons[m, 0, 0] + polygons[m, 4, 0]), 0.5 * (polygons[m, 0, 1] + polygons[m, 4, 1])
-        beside, hit_at = True, math.inf
+        begin, end = polygons[m, :, 0].min(), polygons[m, :, 0].max()
+        middle = 0.5 * (polygons[m, 0, 1] + polygons[m, 4, 1])
+        beside, hit, passing, distance = True, stations.shape[0], 0, math.inf
         for i in range(stations.shape[0]):
             shift = speeds[m] * stations[i] / pace
-            if abs(stations[i] - centre - shift) < best:
-                best, nearest = abs(stations[i] - centre - shift), i
-            low, high = lateral_interval(polygons[m], shift, stations[i] - p.rear, stations[i] + p.front)
+            away = abs(stations[i] - 0.5 * (begin + end) - shift)
+            if away < distance:
+                distance, passing = away, i
+            low, high = lateral_interval(polygons[m], shift, stations[i] - reach, stations[i] + reach)
             gap = max(low - path[i], path[i] - high) if low <= high else math.inf
             # within the buffer from the start on: beside it already, not blocked by it
             beside = beside and gap < p.half_width + p.buffer
             limit = p.half_width if beside else p.half_width + p.buffer
-            if gap < limit - 0.5 * LATERAL_STEP and stations[i] < hit_at:
-                hit_at = stations[i]
-        sides[m] = 1 if path[nearest] >= middle else -1
-        if hit_at < math.inf:
-            sides[m] = 0
-            if hit_at < blocked_at:
-                blocker, blocked_at = m, hit_at
-    return sides, blocker
+            if gap < limit - 0.5 * LATERAL_STEP:
+                hit = min(hit, i)
+        sides[m] = 1 if path[passing] >= middle else -1
+        low, high = polygons[m, :, 1].min(), polygons[m, :, 1].max()
+        if begin < p.front and end > -p.rear and not low < path[0] < high:
+            sides[m] = 1 if path[0] >= high else -1  # beside it now, whatever the path would do
+        elif hit < stations.shape[0] and low < path[passing] < high:
+            sides[m] = 0  # straight into it: there is no side to keep
+        if hit < stations.shape[0]:
+            blocked_from = min(blocked_from, hit)
+            if begin < nearest_face:
+                blocker, nearest_face = m, begin
+    return sides, blocker, blocked_from

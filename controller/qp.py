@@ -31,6 +31,8 @@ preconditioner and half the iterations. The quadratic cost only keeps the QP str
 COST_STEP = 0.1
 """Costs are integrals over time, counted per this, in [s]."""
 TERMINAL_WEIGHT = 3.0
+NOTICED = 0.01
+"""Excess over the corridor that is worth a place, in [m]."""
 
 
 @njit(cache=True, nogil=True)
@@ -199,11 +201,12 @@ def add_violated(z, used, tolerance, corridor_lines, lines, slopes, low, high, G
         corridor_lines, lines, slopes, low, high, G, h_l, h_u: See `fill_rows`.
 
     Returns:
-        Reserve rows in use now (more than RESERVE if it did not suffice), and the worst excess over the
-        bounds of the corridor [m] and of the slip angles [rad], both at least 0.
+        Reserve rows in use now (more than RESERVE if it did not suffice), the worst excess over the bounds
+        of the corridor [m] and of the slip angles [rad], both at least 0, and the line of the first excess
+        over the corridor (their number if there is none).
     """
     moves, count = slopes.shape[1], lines.shape[0]
-    worst = np.zeros(SLACKS)
+    worst, first = np.zeros(SLACKS), count
     for i in range(count):
         group = 0 if i < corridor_lines else 1
         value = lines[i]
@@ -211,8 +214,10 @@ def add_violated(z, used, tolerance, corridor_lines, lines, slopes, low, high, G
             value += slopes[i, q] * z[q]
         excess = max(low[i] - value, value - high[i])
         worst[group] = max(worst[group], excess)
+        if group == 0 and excess > NOTICED and first == count:
+            first = i
         if excess > max(z[moves + group], 0.0) * SLACK_UNIT + tolerance:
             if used < RESERVE:
                 put_row(count + used, i, value > high[i], corridor_lines, lines, slopes, low, high, G, h_l, h_u)
             used += 1
-    return used, worst[0], worst[1]
+    return used, worst[0], worst[1], first

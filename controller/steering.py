@@ -31,6 +31,10 @@ SHIFTED_PLAN_TIME = 0.2
 """How long the last good plan is followed when the QP fails, in [s]; longer than that is a FAULT."""
 TIGHTENING_TIME = 0.5
 """Time ahead from which on the full tightening is asked, in [s]."""
+PLANNER_REACH = 0.3
+"""Stretch of road that the planner checks to both sides of a station, in lengths of the car."""
+SLOWING_SLACK = 0.02
+"""Predicted violation of the corridor from which on the car slows down, in [m]."""
 OBSERVED_SPEED = 3.0
 """Speed below which nothing is learned: sideslip is not defined well, in [m/s]."""
 STANDSTILL = 0.1
@@ -120,9 +124,9 @@ class SteeringController:
             self._cruise = v
         s, x0 = self._locate(state)
         corridor = self._plan_corridor(s, x0[0], state)
-        target, stop_distance = self._longitudinal(corridor)
         planned = time.perf_counter()
         solution = self._solve(x0, corridor, state)
+        target, stop_distance = self._longitudinal(corridor, solution, v)
         self._sides = corridor.path.sides
         if v < STANDSTILL:
             solution.states[1:, 5] = x0[5]
@@ -193,13 +197,16 @@ class SteeringController:
         )  # fmt: skip
         return Corridor(PlannedPath(*path), offset, slope, turn_rate, bounds, gap, gap_speed)
 
-    def _longitudinal(self, corridor: Corridor) -> tuple[float, float]:
-        """Speed to hold and free distance before what blocks the road."""
-        cruise = self._cruise or 0.0
-        if corridor.path.blocker == FREE:
-            return cruise, math.inf
-        distance = max(corridor.gap - self.config.standstill_gap, 0.0)
-        return min(cruise, approach_speed(distance, corridor.gap_speed, self.config.comfort_braking)), distance
+    def _longitudinal(self, corridor: Corridor, solution: Solution, v: float) -> tuple[float, float]:
+        """Speed to hold, and free distance before what blocks the road."""
+        config, target, distance = self.config, self._cruise or 0.0, math.inf
+        if corridor.path.blocker != FREE:
+            distance = corridor.gap - config.standstill_gap
+            target = min(target, approach_speed(distance, corridor.gap_speed, config.comfort_braking))
+        if solution.slack_corridor > SLOWING_SLACK:  # passable, but not at this speed
+            room = max(v * solution.time_to_excess - self.vehicle.front_extent, 0.0)
+            target = min(target, approach_speed(room, 0.0, config.comfort_braking))
+        return target, max(distance, 0.0)
 
     def _plan(self, state: VehicleState, s: float, path: PlannedPath, solution: Solution, stop_distance: float,
               target: float, began: float, planned: float) -> Plan:  # fmt: skip
@@ -269,7 +276,8 @@ def _node_grid(vehicle: VehicleParameters, c: ControllerConfig, times: Array) ->
 
 def _planner_settings(vehicle: VehicleParameters, c: ControllerConfig) -> PlannerSettings:
     return PlannerSettings(
-        front=vehicle.front_extent, rear=vehicle.rear_extent, half_width=0.5 * vehicle.width, buffer=c.buffer,
+        front=vehicle.front_extent, rear=vehicle.rear_extent, reach=PLANNER_REACH * vehicle.length,
+        half_width=0.5 * vehicle.width, buffer=c.buffer,
         tightening=c.tightening, margin_time=c.margin_time, safe_distance=c.safe_distance,
         reference=c.reference_offset, right_edge=-c.width_right, left_edge=c.width_left,
         weight_reference=c.weight_reference, weight_continuity=c.weight_continuity,

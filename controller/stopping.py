@@ -4,6 +4,8 @@ import math
 
 SPEED_RESPONSE = 0.5
 """Response time assumed of the plant's speed control, in [s]."""
+GAP_TIME = 2.0
+"""Time in which a gap that is too small is opened again, in [s]."""
 
 
 def approach_speed(distance: float, obstacle_speed: float, braking: float) -> float:
@@ -11,12 +13,16 @@ def approach_speed(distance: float, obstacle_speed: float, braking: float) -> fl
 
     Braking at a constant rate towards the obstacle's speed, asked for early by the response time tau of a
     first-order speed control: v = v_o + sqrt(a^2 tau^2 + 2 a d) - a tau. Where the distance is too short
-    for that rate the target lies far below the speed, and the speed control brakes as hard as it can.
+    for that rate the target lies far below the speed, and the speed control brakes as hard as it can. Closer
+    than wanted, the car falls back from a moving obstacle.
 
     Args:
-        distance: Free distance, in [m].
+        distance: Free distance beyond the gap to keep, in [m]; negative if closer.
         obstacle_speed: Along the road, in [m/s]; oncoming counts as standing.
         braking: a, in [m/s^2].
     """
+    ahead = max(obstacle_speed, 0.0)
+    if distance < 0.0:
+        return max(ahead + distance / GAP_TIME, 0.0)
     lead = braking * SPEED_RESPONSE
-    return max(obstacle_speed, 0.0) + math.sqrt(lead * lead + 2.0 * braking * max(distance, 0.0)) - lead
+    return ahead + math.sqrt(lead * lead + 2.0 * braking * distance) - lead

@@ -23,9 +23,9 @@ from sidestep.controller.planner import (
 )
 
 SETTINGS = PlannerSettings(
-    front=2.12, rear=2.39, half_width=0.805, buffer=0.2, tightening=0.03, margin_time=0.01, safe_distance=1.0,
-    reference=0.0, right_edge=-4.0, left_edge=4.0, weight_reference=1.0, weight_continuity=0.2, weight_obstacle=3.0,
-    hysteresis=2.0, max_lateral_speed=3.6, max_slope=0.5,
+    front=2.12, rear=2.39, reach=1.35, half_width=0.805, buffer=0.2, tightening=0.03, margin_time=0.01,
+    safe_distance=1.0, reference=0.0, right_edge=-4.0, left_edge=4.0, weight_reference=1.0, weight_continuity=0.2, weight_obstacle=3.0,
+    hysteresis=2.0, max_lateral_speed=5.0, max_slope=0.35,
 )  # fmt: skip
 HARD = SETTINGS.half_width + SETTINGS.buffer
 
@@ -92,7 +92,7 @@ def test_path_keeps_clear_and_respects_the_slope_limit():
     beside = np.abs(path.stations - 40.0) < 2.25
     assert np.abs(path.offsets[beside]).min() >= 0.9 + HARD
     slope = np.diff(path.offsets[1:]) / np.diff(path.stations[1:])
-    assert np.abs(slope).max() <= 3.6 / 15.0 + 1e-9
+    assert np.abs(slope).max() <= 5.0 / 15.0 + 1e-9
     assert np.all(path.offsets >= path.right - 1e-9)
     assert np.all(path.offsets <= path.left + 1e-9)
 

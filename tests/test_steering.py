@@ -86,7 +86,7 @@ def test_curved_road_is_followed_without_offset():
 
 @pytest.mark.parametrize("delay", [1, 2])
 def test_delay_is_compensated(delay):
-    states, _, plans = drive(SINGLE, ControllerConfig(input_delay_steps=delay), delay=delay)
+    states, _, plans = drive(SINGLE, ControllerConfig(input_delay_steps=delay, tyre_model="linear"), delay=delay)
     assert all(plan.feasible for plan in plans)
     assert abs(states[-1].y) < 0.02
 

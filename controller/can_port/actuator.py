@@ -7,16 +7,16 @@
     RAMP_TO_ZERO  longer ago                     steer back to zero at 0.3 rad/s and stop
     FAULT         steering angle not measurable  hold the angle and stop, for good
 
-A command is accepted if its check says OK or OKSOMELOST while the E2E state machine is VALID.
+A command is accepted if its channel lets it through (see `channel`) and it is plausible: mode, enable and angle
+agree, and the angle is not farther from the last one than the rate limit allows.
 """
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import inf, isfinite
 
+from sidestep.controller.can_port.channel import Channel
 from sidestep.controller.can_port.database import ProtectedMessage
-from sidestep.controller.can_port.e2e import ACCEPTED, Receiver
-from sidestep.controller.can_port.e2e_state import E2EState, E2EStateMachine
 from sidestep.controller.can_port.messages import (
     MAX_ANGLE,
     MAX_RATE_LIMIT,
@@ -66,17 +66,16 @@ class Actuator:
     Attributes:
         state: Present state.
         report: What the last `step` has to say on STEER_STATUS; None before it.
-        receiver: Check of the command, with its counts.
-        channel: E2E state machine of the command.
+        channel: Receiving end of the command.
+        implausible: Commands that came through the channel but cannot have been meant.
     """
 
     def __init__(self, config: ActuatorConfig | None = None, message: ProtectedMessage = STEER_CMD):
         self.config = config or ActuatorConfig()
         self.state = ActuatorState.INIT
         self.report: SteerStatus | None = None
-        self.receiver = Receiver(message.profile, message.length)
-        self.channel = E2EStateMachine()
-        self._message = message
+        self.channel = Channel(message)
+        self.implausible = 0
         self._frame: SteerFrame | None = None  # the last accepted one
         self._target = 0.0
         self._last: VehicleState | None = None
@@ -98,12 +97,26 @@ class Actuator:
         self._last = vehicle
         return self._command(vehicle)
 
+    @property
+    def asked(self) -> SteeringCommand | None:
+        """The last accepted command, limited by nothing; None before the first."""
+        return self._frame.command if self._frame else None
+
     def _receive(self, frames: Iterable[bytes | bytearray], time: float) -> None:
-        for data in list(frames) or [None]:
-            status = self.receiver.check(data)
-            valid = self.channel.add(status) is E2EState.VALID
-            if data is not None and valid and status in ACCEPTED:
-                self._frame = decode_steer_command(data, time, self._message)
+        for data in self.channel.take(frames):
+            frame = decode_steer_command(data, time, self.channel.message)
+            if frame.plausible and self._can_be_next(frame):
+                self._frame = frame
+            else:
+                self.implausible += 1
+
+    def _can_be_next(self, frame: SteerFrame) -> bool:
+        """Whether the angle can have come so far; `hold_age` more, for frames that waited on their way."""
+        last = self._frame
+        if last is None or not (last.enable and frame.enable):
+            return True
+        elapsed = frame.command.time - last.command.time + self.config.hold_age
+        return abs(frame.command.steer_angle - last.command.steer_angle) <= elapsed * last.rate_limit
 
     def _next_state(self, vehicle: VehicleState) -> ActuatorState:
         if self.state is ActuatorState.FAULT or not isfinite(vehicle.steer_angle):
@@ -136,7 +149,7 @@ class Actuator:
 
     def _report(self, vehicle: VehicleState, elapsed: float) -> SteerStatus:
         rate = (vehicle.steer_angle - self._last.steer_angle) / elapsed if self._last and elapsed > 0.0 else 0.0
-        return SteerStatus(self.state, vehicle.steer_angle, rate, self.channel.state, self.receiver.lost)
+        return SteerStatus(self.state, vehicle.steer_angle, rate, self.channel.state, self.channel.receiver.lost)
 
 
 def _towards(goal: float, start: float, reach: float) -> float:

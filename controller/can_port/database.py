@@ -6,7 +6,7 @@ longer header and therefore CAN FD frames; "none" leaves the header of Profile 2
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from math import isfinite
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -18,6 +18,9 @@ from sidestep.controller.can_port.e2e import Profile, Profile2, Profile5, Unprot
 
 DBC = Path(__file__).parent / "steer.dbc"
 """The database file, the one description of every message."""
+
+Frame = tuple[int, bytes]
+"""Identifier and data."""
 
 Protection = Literal["P02", "P05", "none"]
 """AUTOSAR E2E Profile 2 on classic CAN, Profile 5 on CAN FD, or nothing."""
@@ -60,6 +63,7 @@ class ProtectedMessage:
         cycle: Time between two frames, in [s].
         profile: End-to-end protection.
         signals: Every signal behind the protection header.
+        sender: Name of the node that sends it.
     """
 
     name: str
@@ -68,6 +72,7 @@ class ProtectedMessage:
     cycle: float
     profile: Profile
     signals: tuple[PackedSignal, ...]
+    sender: str
 
     def encode(self, values: Mapping[str, float], counter: int) -> bytes:
         """Protected frame that carries `values`.
@@ -97,6 +102,14 @@ class ProtectedMessage:
             raw = (word >> start) & mask
             values[name] = (raw - ((raw & sign_bit) << 1)) * scale
         return values
+
+    @cached_property
+    def reserved(self) -> int:
+        """Mask of the bits that neither header nor signals use, which are sent as 0; byte 0 is the lowest."""
+        used = (1 << self.profile.header_bits) - 1
+        for signal in self.signals:
+            used |= signal.mask << signal.start
+        return ~used & ((1 << 8 * self.length) - 1)
 
     @property
     def is_fd(self) -> bool:
@@ -160,6 +173,7 @@ def _protected(message: Message, protection: Protection) -> ProtectedMessage:
         cycle=1e-3 * (message.cycle_time or 0),
         profile=profile,
         signals=tuple(map(_packed, payload)),
+        sender=message.senders[0],
     )
 
 

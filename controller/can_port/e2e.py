@@ -6,14 +6,14 @@ What a receiver makes of a series of checks is in `e2e_state`.
 
 from collections import Counter
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 from typing import ClassVar
 
 from e2e.p02 import e2e_p02_check, e2e_p02_protect
 from e2e.p05 import e2e_p05_check, e2e_p05_protect
 
 
-class CheckStatus(Enum):
+class CheckStatus(StrEnum):
     """Outcome of the check of one frame, named as in the AUTOSAR specification."""
 
     OK = "OK"  # intact and next in line
@@ -105,13 +105,14 @@ class Receiver:
     Attributes:
         counts: How often each outcome came.
         lost: Frames that the steps of the counter say were lost between accepted ones.
+        counter: Of the last intact frame; None before the first.
     """
 
     def __init__(self, profile: Profile, length: int, max_delta: int = 3):
         self.profile, self.length, self.max_delta = profile, length, max_delta
         self.counts: Counter[CheckStatus] = Counter()
         self.lost = 0
-        self._last: int | None = None
+        self.counter: int | None = None
 
     def check(self, data: bytes | bytearray | None) -> CheckStatus:
         """Check one frame, or None for a cycle in which nothing arrived."""
@@ -125,7 +126,7 @@ class Receiver:
         counter = self.profile.counter_of(data) if len(data) == self.length else None
         if counter is None:
             return CheckStatus.ERROR
-        last, self._last = self._last, counter
+        last, self.counter = self.counter, counter
         if self.profile.counters == 1:
             return CheckStatus.OK
         if last is None:

@@ -13,6 +13,9 @@ from sidestep.controller.can_port.e2e import ACCEPTED, CheckStatus
 from sidestep.plant_models.errors import InputError
 
 
+_OK = CheckStatus.OK
+
+
 class E2EState(IntEnum):
     """State of a protected channel, numbered as in the AUTOSAR specification; an unknown number is invalid."""
 
@@ -77,9 +80,9 @@ class E2EStateMachine:
             if status not in (CheckStatus.ERROR, CheckStatus.NONEWDATA):
                 self._enter(E2EState.INIT)
             return self.state
-        self._window.append(status)
+        self._window.append(_OK if status in ACCEPTED else status)
         calm = self._window.count(CheckStatus.ERROR) <= self._config.max_error
-        good = calm and sum(check in ACCEPTED for check in self._window) >= self._config.min_ok
+        good = calm and self._window.count(_OK) >= self._config.min_ok
         if good and self.state is not E2EState.VALID:
             self._enter(E2EState.VALID)
         elif (self.state is E2EState.VALID and not good) or (self.state is E2EState.INIT and not calm):
@@ -88,7 +91,9 @@ class E2EStateMachine:
 
     @property
     def _config(self) -> StateConfig:
-        return {E2EState.VALID: self.valid, E2EState.INVALID: self.invalid}.get(self.state, self.init)
+        if self.state is E2EState.VALID:
+            return self.valid
+        return self.invalid if self.state is E2EState.INVALID else self.init
 
     def _enter(self, state: E2EState) -> None:
         self.state = state

@@ -11,14 +11,11 @@ from math import inf, isfinite
 from pathlib import Path
 from random import Random
 
-from sidestep.controller.can_port.database import ProtectedMessage, messages
+from sidestep.controller.can_port.database import Frame, ProtectedMessage, messages
 from sidestep.plant_models.errors import InputError
 
 REORDER_DELAY = 0.03
 """How long a frame is held back so that later ones overtake it, in [s]."""
-
-Frame = tuple[int, bytes]
-"""Identifier and data."""
 
 _FOREIGN_IDS = 0x100  # below all of ours: they would win every arbitration
 _PROBABILITIES = (
@@ -128,12 +125,13 @@ class FaultyBus:
     Args:
         spec: What goes wrong.
         catalogue: The messages in the protection in use; needed to protect a frame afresh.
+        name: Two buses with the same specification and different names draw different random numbers.
     """
 
-    def __init__(self, spec: FaultSpec, catalogue: Mapping[str, ProtectedMessage] | None = None):
+    def __init__(self, spec: FaultSpec, catalogue: Mapping[str, ProtectedMessage] | None = None, name: str = ""):
         self.spec = spec
         self._messages = {message.frame_id: message for message in (catalogue or messages()).values()}
-        self._draws = {f.name: Random(f"{spec.seed} {f.name}") for f in fields(spec)}
+        self._draws = {f.name: Random(f"{spec.seed} {f.name}{name}") for f in fields(spec)}
         self._under_way: list[tuple[float, int, Frame]] = []
         self._sent = 0
         self._to_lose = 0

@@ -81,11 +81,13 @@ class SteerFrame:
         command: The command; its angle is 0 unless enabled.
         enable: Whether the steering may follow the angle.
         rate_limit: Largest road-wheel rate the controller reckons with, in [rad/s].
+        plausible: Whether `encode_steer_command` can have made it.
     """
 
     command: SteeringCommand
     enable: bool
     rate_limit: float
+    plausible: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,8 +162,8 @@ def encode_steer_command(
 def decode_steer_command(data: bytes | bytearray, time: float, message: ProtectedMessage = STEER_CMD) -> SteerFrame:
     """Command of a STEER_CMD frame.
 
-    A frame whose mode is not ANGLE, or whose angle lies outside its range (which `encode_steer_command` never
-    sends), counts as not enabled.
+    A frame whose mode is not ANGLE, or whose angle lies outside its range, counts as not enabled. It is implausible
+    if mode and enable contradict each other, or if an angle is given that is out of range or not enabled.
 
     Args:
         data: Checked frame.
@@ -170,16 +172,19 @@ def decode_steer_command(data: bytes | bytearray, time: float, message: Protecte
     """
     values = message.decode(data)
     angle = values["SteerCmd_Angle"]
-    enable = values["SteerCmd_Enable"] == 1 and values["SteerCmd_Mode"] == SteerMode.ANGLE and abs(angle) <= MAX_ANGLE
+    asked, ready = values["SteerCmd_Enable"] == 1, values["SteerCmd_Mode"] == SteerMode.ANGLE
+    enable = asked and ready and abs(angle) <= MAX_ANGLE
+    plausible = enable or (angle == 0.0 and not asked and not ready)
     status = Status(int(values["SteerCmd_Status"]))
     command = SteeringCommand(time, angle if enable else 0.0, values["SteerCmd_TargetSpeed"], status)
-    return SteerFrame(command, enable, values["SteerCmd_RateLimit"])
+    return SteerFrame(command, enable, values["SteerCmd_RateLimit"], plausible)
 
 
 def encode_vehicle_state(
     state: VehicleState,
     lateral_acceleration: float,
     counter: int,
+    valid: bool = True,
     sample: Sequence[ProtectedMessage] = VEHICLE_STATE,
 ) -> list[bytes]:
     """Frames of one sample, in the order of `VEHICLE_STATE`.
@@ -190,17 +195,18 @@ def encode_vehicle_state(
         state: What to send; a frame with a number in it that is not finite says valid = 0.
         lateral_acceleration: At the centre of gravity, in [m/s^2].
         counter: Alive counter, the same in all three frames: it ties them together.
+        valid: Whether the state is to be used.
         sample: `VEHICLE_STATE` in the protection to use.
     """
     values = (
         {
-            "VehDyn_Valid": 1,
+            "VehDyn_Valid": valid,
             "VehDyn_Speed": state.v_x,
             "VehDyn_YawRate": state.yaw_rate,
             "VehDyn_AccLat": lateral_acceleration,
         },
-        {"VehPos_Valid": 1, "VehPos_X": state.x, "VehPos_Y": state.y},
-        {"VehHeading_Valid": 1, "VehHeading_Yaw": _wrap(state.yaw), "VehHeading_SpeedLat": state.v_y},
+        {"VehPos_Valid": valid, "VehPos_X": state.x, "VehPos_Y": state.y},
+        {"VehHeading_Valid": valid, "VehHeading_Yaw": _wrap(state.yaw), "VehHeading_SpeedLat": state.v_y},
     )
     return [message.encode(of_message, counter) for message, of_message in zip(sample, values, strict=True)]
 

@@ -11,13 +11,13 @@ import can
 from sidestep.controller.can_port.bus import Bus, resolve_spec
 from sidestep.controller.can_port.database import Protection, messages
 from sidestep.controller.can_port.e2e import ACCEPTED, CheckStatus, Receiver
+from sidestep.controller.can_port.log import open_log
 from sidestep.controller.can_port.messages import (
     MAX_RATE_LIMIT,
     STEER_CMD,
     decode_steer_command,
     encode_steer_command,
 )
-from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import SteeringCommand
 
 CYCLE = STEER_CMD.cycle
@@ -36,7 +36,7 @@ class SteeringPort:
 
     Args:
         spec: Bus, one of `bus.SPECS`; "off" hands every command through.
-        log: Vector BLF file for every frame that was received, stamped with simulation time; None for none.
+        log: File for every frame that was received, stamped with simulation time; None for none.
         rate_limit: Steering rate limit to send along, in [rad/s].
         allow_real_bus: Whether the bus may reach hardware.
         protection: End-to-end protection; "P05" sends CAN FD frames.
@@ -77,7 +77,7 @@ class SteeringPort:
             if self.interface != "off":
                 self._bus = resources.enter_context(Bus(self.interface, (), True, self._message.is_fd, allow_real_bus))
                 if log is not None:
-                    self._record = resources.enter_context(_open_log(log)).on_message_received
+                    self._record = resources.enter_context(open_log(log)).on_message_received
             self._resources = resources.pop_all()
 
     def transmit(self, command: SteeringCommand) -> SteeringCommand | None:
@@ -127,12 +127,3 @@ class SteeringPort:
             return False
         self._held = decode_steer_command(message.data, time, self._steer_cmd).command
         return True
-
-
-def _open_log(path: Path) -> can.BLFWriter:
-    try:
-        log = can.BLFWriter(path)
-    except OSError as error:
-        raise InputError(str(path), f"cannot write the CAN log: {error.strerror}") from error
-    log.start_timestamp = 0.0  # else the time of the first frame is taken for zero
-    return log
