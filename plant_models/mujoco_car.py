@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import mujoco
 from mujoco import mjtConDataField, mjtGeom, mjtJoint, mjtObj, mjtSensor, mjtTrn
 
-from sidestep.plant_models.contact_tyre import STATE
+from sidestep.plant_models.contact_tyre import STATE, TYRE_MODES
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.mujoco_surface import HeightField, Surface
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.vehicle import GRAVITY, SuspensionParameters, VehicleParameters
 
@@ -31,6 +32,8 @@ _STEER_STIFFNESS = 3.0e5  # [N m/rad]
 _HULL_BOTTOM, _HULL_TOP, _OBSTACLE_TOP = 0.15, 1.35, 1.5  # [m]
 
 _SOFT = 1e-4  # MuJoCo's least impedance: a constraint this soft is a plain spring and damper
+_FRICTION_RATIO = 100.0  # impratio of the tuned contact: how little its shear leans on the wheel load
+_DEEP = 0.25  # margin of a contact that is found but never pushes, [m]
 
 
 @dataclass(frozen=True)
@@ -93,39 +96,79 @@ def corners(vehicle: VehicleParameters) -> tuple[Corner, ...]:
     return tuple(result)
 
 
-def car_spec(vehicle: VehicleParameters, obstacles: Sequence[Obstacle] = ()) -> mujoco.MjSpec:
-    """The car on a plane road, with one box per obstacle (`obstacle0` ...) for the caller to place.
+def car_spec(
+    vehicle: VehicleParameters,
+    obstacles: Sequence[Obstacle] = (),
+    tyre: str = "magic-formula",
+    surface: Surface | None = None,
+) -> mujoco.MjSpec:
+    """The car on its road, with one box per obstacle (`obstacle0` ...) for the caller to place.
 
-    Only the road and the tyres, and the hull and the obstacles, touch each other. The tyre contact is
-    frictionless: it finds the patch and carries the load, shear is the business of `contact_tyre`.
+    Only the road and the tyres, and the hull and the obstacles, touch each other. With the Magic Formula the
+    tyre contact is frictionless: it finds the patch and carries the load, shear is the business of
+    `contact_tyre`. On a height field it only finds the patch. `to_xml()` of the result is MJCF.
+
+    Args:
+        vehicle: The car, with suspension data.
+        obstacles: Boxes that the hull can hit.
+        tyre: One of `TYRE_MODES`.
+        surface: None for the level plane.
 
     Raises:
-        InputError: No suspension data, or masses and inertias that no rigid body can have.
+        InputError: No suspension data, masses and inertias that no rigid body can have, or unknown tyre.
     """
+    surface = surface or Surface()
+    if tyre not in TYRE_MODES:
+        raise InputError("plant.tyre", f"{tyre!r}", ", ".join(TYRE_MODES))
+    if surface.heights is not None and tyre != "magic-formula":
+        raise InputError("plant.tyre", f"{tyre!r} on a height field", "magic-formula")
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
-    spec.option.gravity = [0.0, 0.0, -GRAVITY]
+    spec.option.gravity = surface.gravity
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.solver = mujoco.mjtSolver.mjSOL_PGS  # springs this soft are solved in one sweep
     flags = mujoco.mjtDisableBit
     spec.option.disableflags |= flags.mjDSBL_ISLAND | flags.mjDSBL_AUTORESET  # one car; a blow-up must show
     spec.nuserdata = STATE.itemsize // 8
-    spec.worldbody.add_geom(name="road", type=mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], contype=0, conaffinity=0)
+    _add_road(spec, surface.heights)
     chassis = _add_chassis(spec, vehicle)
     for corner in corners(vehicle):
         _add_corner(spec, chassis, corner, vehicle)
     _add_anti_roll_bars(spec, suspension_of(vehicle))
     _add_actuators(spec, suspension_of(vehicle))
-    _add_sensors(spec)
+    _add_sensors(spec, with_forces=tyre != "magic-formula")
     for index, obstacle in enumerate(obstacles):
-        body = spec.worldbody.add_body(name=f"obstacle{index}", mocap=True)
-        size = [obstacle.length / 2.0, obstacle.width / 2.0, _OBSTACLE_TOP / 2.0]
-        body.add_geom(
-            name=f"obstacle{index}", type=mjtGeom.mjGEOM_BOX, size=size, pos=[0.0, 0.0, _OBSTACLE_TOP / 2.0],
-            contype=2, conaffinity=2, rgba=[0.8, 0.1, 0.1, 1.0],
-        )  # fmt: skip
+        _add_obstacle(spec, index, obstacle)
     _calibrate(spec, suspension_of(vehicle))
+    if tyre != "magic-formula":
+        _add_friction(spec, vehicle, tyre == "contact")
+    if surface.heights is not None:
+        for pair in spec.pairs:
+            pair.margin, pair.gap = -_DEEP, _DEEP
     return spec
+
+
+def _add_road(spec: mujoco.MjSpec, heights: HeightField | None) -> None:
+    road = spec.worldbody.add_geom(name="road", type=mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], contype=0, conaffinity=0)
+    if heights is None:
+        return
+    z, (rows, columns) = heights.heights, heights.heights.shape
+    rise, reach = float(z.max() - z.min()), [(n - 1) * heights.spacing / 2.0 for n in (columns, rows)]
+    spec.add_hfield(
+        name="road", nrow=rows, ncol=columns, size=[*reach, rise or 1.0, 0.5],
+        userdata=((z - z.min()) / (rise or 1.0)).ravel(),
+    )  # fmt: skip
+    road.type, road.hfieldname = mjtGeom.mjGEOM_HFIELD, "road"
+    road.pos = [heights.x + reach[0], heights.y + reach[1], float(z.min())]
+
+
+def _add_obstacle(spec: mujoco.MjSpec, index: int, obstacle: Obstacle) -> None:
+    body = spec.worldbody.add_body(name=f"obstacle{index}", mocap=True)
+    size = [obstacle.length / 2.0, obstacle.width / 2.0, _OBSTACLE_TOP / 2.0]
+    body.add_geom(
+        name=f"obstacle{index}", type=mjtGeom.mjGEOM_BOX, size=size, pos=[0.0, 0.0, _OBSTACLE_TOP / 2.0],
+        contype=2, conaffinity=2, rgba=[0.8, 0.1, 0.1, 1.0],
+    )  # fmt: skip
 
 
 def _add_chassis(spec: mujoco.MjSpec, vehicle: VehicleParameters) -> mujoco.MjsBody:
@@ -219,19 +262,46 @@ def _add_actuators(spec: mujoco.MjSpec, data: SuspensionParameters) -> None:
         motor.set_to_motor()
 
 
-def _add_sensors(spec: mujoco.MjSpec) -> None:
-    """Four tyre patches (fields of `contact_tyre`, 14 numbers each), then whether the hull touches anything."""
-    field = mjtConDataField
-    patch = ("FOUND", "DIST", "POS", "NORMAL", "TANGENT", "LINVEL")
-    bits = sum(1 << int(getattr(field, f"mjCONDATA_{name}")) for name in patch)
+def _add_sensors(spec: mujoco.MjSpec, with_forces: bool) -> None:
+    """Four tyre patches (fields of `contact_tyre`, 14 numbers each), whether the hull touches anything, forces."""
     contact, geom = mjtSensor.mjSENS_CONTACT, mjtObj.mjOBJ_GEOM
-    for name in WHEELS:
-        sensor = spec.add_sensor(
-            name=f"tyre_{name}", type=contact, objtype=geom, objname="road", reftype=geom, refname=f"tyre_{name}"
-        )
-        sensor.intprm[:3] = [bits, 1, 1]  # least distance, one contact
+
+    def add_tyres(fields: int, prefix: str) -> None:
+        for name in WHEELS:
+            sensor = spec.add_sensor(
+                name=f"{prefix}_{name}",
+                type=contact,
+                objtype=geom,
+                objname="road",
+                reftype=geom,
+                refname=f"tyre_{name}",
+            )
+            sensor.intprm[:3] = [fields, 1, 1]  # least distance, one contact
+
+    add_tyres(_bits("FOUND", "DIST", "POS", "NORMAL", "TANGENT", "LINVEL"), "tyre")
     hull = spec.add_sensor(name="hull", type=contact, objtype=geom, objname="hull")
-    hull.intprm[:3] = [1 << int(field.mjCONDATA_FOUND), 1, 1]
+    hull.intprm[:3] = [_bits("FOUND"), 1, 1]
+    if with_forces:
+        add_tyres(_bits("FORCE"), "force")
+
+
+def _bits(*names: str) -> int:
+    return sum(1 << int(getattr(mjtConDataField, f"mjCONDATA_{name}")) for name in names)
+
+
+def _add_friction(spec: mujoco.MjSpec, vehicle: VehicleParameters, tuned: bool) -> None:
+    """Let the contact solver shear the tyres: ready for `contact_tyre` to tune, or as MuJoCo comes."""
+    spec.option.solver, spec.option.cone = mujoco.mjtSolver.mjSOL_NEWTON, mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = _FRICTION_RATIO if tuned else 1.0
+    for corner in corners(vehicle):
+        pair = spec.pair(f"tyre_{corner.name}")
+        pair.condim, pair.friction[:2] = 3, [vehicle.tyre.p_dy1] * 2
+        if tuned:
+            pair.solreffriction = [-1e-9, 0.0]
+        else:
+            pair.solref, pair.solimp = [0.02, 1.0], [0.9, 0.95, 0.001, 0.5, 2.0]
+            radius = corner.height  # so stiff a tyre is not compressed
+            spec.geom(f"tyre_{corner.name}").size = [radius, _TYRE_WIDTH / 2.0, radius]
 
 
 def _calibrate(spec: mujoco.MjSpec, data: SuspensionParameters) -> None:
@@ -243,6 +313,12 @@ def _calibrate(spec: mujoco.MjSpec, data: SuspensionParameters) -> None:
         pair.solref, pair.solimp = _spring(data.tyre_stiffness, TYRE_DAMPING, weight)
         weight = model.dof_invweight0[model.joint(f"suspension_{name}").dofadr[0]]
         slide.solref_limit, slide.solimp_limit = _spring(_STOP_STIFFNESS, _STOP_DAMPING, weight)
+
+
+def damping_scale(model: mujoco.MjModel) -> list[float]:
+    """Friction reference of each tyre pair per damping, in [m/N]: what `contact` mode tunes."""
+    weights = [model.body(f"wheel_{name}").invweight0[0] for name in WHEELS]
+    return [(1.0 - _SOFT) * weight / _FRICTION_RATIO for weight in weights]
 
 
 def _spring(stiffness: float, damping: float, inverse_weight: float) -> tuple[list[float], list[float]]:

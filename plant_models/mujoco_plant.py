@@ -1,4 +1,4 @@
-"""The MuJoCo plant: a multibody car with Magic Formula tyres on a plane road among real boxes."""
+"""The MuJoCo plant: a multibody car with Magic Formula tyres on a road among real boxes."""
 
 import math
 from collections.abc import Sequence
@@ -9,15 +9,18 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sidestep.plant_models.contact_tyre import CAR, STATE, ackermann, advance, observe, relaxed_slip
+from sidestep.plant_models.contact_tyre import CAR, PATCH, STATE, TYRE_MODES, relaxed_slip
 from sidestep.plant_models.errors import InputError, PlantError
-from sidestep.plant_models.mujoco_car import TYRE_DAMPING, WHEELS, car_spec, corners, suspension_of
+from sidestep.plant_models.mujoco_car import TYRE_DAMPING, WHEELS, car_spec, corners, damping_scale, suspension_of
+from sidestep.plant_models.mujoco_loop import ackermann, advance, observe
+from sidestep.plant_models.mujoco_surface import Surface, patch_table
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import ReferencePath
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle import VehicleParameters
 
 _FAR = 1e3  # clearance is not measured beyond, [m]
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _LONG = 1e6  # time in which any tyre has relaxed, [s]
 
 
@@ -38,6 +41,8 @@ class MujocoPlant:
         obstacles: Sequence[Obstacle] = (),
         friction: float = 1.0,
         time_step: float = 1e-3,
+        tyre: str = "magic-formula",
+        surface: Surface | None = None,
     ):
         """Build the car; `reset` it before the first step.
 
@@ -47,6 +52,9 @@ class MujocoPlant:
             obstacles: Boxes that the hull can hit.
             friction: Of the road, as a factor on the tyre's peak.
             time_step: Longest step of the integration, in [s].
+            tyre: Who shears the tyres, one of `TYRE_MODES`: the law; MuJoCo's contact tuned to the law (no
+                relaxation, no camber thrust, creeps at rest); MuJoCo's contact as it comes, which is no tyre.
+            surface: Tilt, patches and bumps of the road; None for none.
 
         Raises:
             InputError: The vehicle cannot be built, or a value is out of range.
@@ -55,15 +63,20 @@ class MujocoPlant:
             raise InputError("plant.friction", f"{friction}", "> 0")
         if not 0.0 < time_step <= 5e-3:
             raise InputError("plant.time_step", f"{time_step} s", "0 < value <= 0.005")
-        self.model = car_spec(vehicle, obstacles).compile()
+        self._surface = surface = surface or Surface()
+        self.model = car_spec(vehicle, obstacles, tyre, surface).compile()
         self.data = d = mujoco.MjData(self.model)
         self._vehicle, self._path, self._obstacles = vehicle, path, tuple(obstacles)
         self._moves, self._time_step = any(obstacle.speed for obstacle in obstacles), time_step
         self._car, self._own = _record(vehicle, self.model, friction), d.userdata.view(STATE)
+        self._car["mode"], self._car["bears_load"] = TYRE_MODES.index(tyre), surface.heights is not None
+        self._patches = patch_table(surface.patches, path)
         self._planar = self._own["planar"][0]
         self._views = (
-            d.sensordata, d.xipos, d.xmat, d.qpos, d.qvel, d.xfrc_applied, d.ctrl, d.mocap_pos
+            d.sensordata, d.xipos, d.xmat, d.qpos, d.qvel, d.xfrc_applied, d.ctrl, d.mocap_pos,
+            self.model.pair_friction, self.model.pair_solreffriction,
         )  # fmt: skip
+        self._tuned = (self.model.pair_friction.copy(), self.model.pair_solreffriction.copy())
         self._track = np.zeros((2, 0, 3))  # of the obstacles during one step
         self._is_reset = False
 
@@ -76,11 +89,14 @@ class MujocoPlant:
         if not state.is_finite():
             raise PlantError(f"cannot start from a state that is not finite: {state}")
         mujoco.mj_resetData(self.model, self.data)
+        self.model.pair_friction[:], self.model.pair_solreffriction[:] = self._tuned
         limit, cos, sin = self._vehicle.steer_limit, math.cos(state.yaw), math.sin(state.yaw)
         state = replace(state, steer_angle=min(max(state.steer_angle, -limit), limit))
         position, velocity, own = self.data.qpos, self.data.qvel, self._own[0]
         self.data.time = state.time
         position[:2] = state.x, state.y
+        if self._surface.heights is not None:
+            position[2] += self._surface.heights.at(state.x, state.y)
         position[3:7] = _quaternion(state.yaw)
         velocity[:2] = cos * state.v_x - sin * state.v_y, sin * state.v_x + cos * state.v_y
         velocity[5] = state.yaw_rate
@@ -103,6 +119,7 @@ class MujocoPlant:
             v_x, v_y = state.v_x - state.yaw_rate * corner.y, state.v_y + state.yaw_rate * corner.x
             along = math.cos(angle) * v_x + math.sin(angle) * v_y
             across = math.cos(angle) * v_y - math.sin(angle) * v_x
+            own["friction"][i] = car["friction"]
             own["load"][i], own["arm"][i] = corner.load, (corner.height + car["wheel_radius"]) / 2.0
             own["slip"][i] = relaxed_slip(own["deflection"][i], 0.0, across, along, _LONG, car["tyre"])
             self.data.qvel[car["spin"][i]] = along / own["arm"][i]
@@ -131,7 +148,8 @@ class MujocoPlant:
             self._place_obstacles(start + dt)
             self._track = np.stack((before, self.data.mocap_pos))
         advance(
-            steps, dt / steps, self.model._address, self.data._address, self._car, own, *self._views, self._track
+            steps, dt / steps, self.model._address, self.data._address, self._car, own, *self._views, self._track,
+            self._patches,
         )  # fmt: skip
         state = VehicleState(self.data.time, *self._planar.tolist())
         if not state.is_finite():
@@ -145,6 +163,38 @@ class MujocoPlant:
             x, y, yaw = (box.s, box.l, 0.0) if road is None else (*road.to_cartesian(box.s, box.l), road.heading(box.s))
             self.data.mocap_pos[i] = x, y, 0.0
             self.data.mocap_quat[i] = _quaternion(yaw + box.heading)
+
+    def save(self) -> bytes:
+        """All that the future depends on, for `restore` of a plant built alike; the continuation is the same bits.
+
+        Raises:
+            PlantError: Not reset yet.
+        """
+        if not self._is_reset:
+            raise PlantError("save before reset")
+        state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
+        mujoco.mj_getState(self.model, self.data, state, _STATE)
+        return b"".join(part.tobytes() for part in (state, *self._beside_state()))
+
+    def restore(self, saved: bytes) -> VehicleState:
+        """Go back to where `save` was called, and return the state there.
+
+        Raises:
+            PlantError: Saved by a plant of another make.
+        """
+        parts = [np.empty(mujoco.mj_stateSize(self.model, _STATE)), *self._beside_state()]
+        if len(saved) != sum(part.nbytes for part in parts):
+            raise PlantError(f"cannot restore {len(saved)} bytes: they were saved by another plant")
+        values = np.frombuffer(saved)
+        for part in parts:
+            part.flat, values = values[: part.size], values[part.size :]
+        mujoco.mj_setState(self.model, self.data, parts[0], _STATE)
+        self._is_reset = True
+        return VehicleState(self.data.time, *self._planar.tolist())
+
+    def _beside_state(self) -> tuple[NDArray[np.float64], ...]:
+        """What MuJoCo's own state has not: the tuned contacts and the forces that they answer to."""
+        return self.model.pair_friction, self.model.pair_solreffriction, self.data.sensordata
 
     @property
     def collided(self) -> bool:
@@ -168,7 +218,7 @@ class MujocoPlant:
         """
         own, q, car = self._own[0], self.data.qpos, self._car[0]
         w, x, y, z = q[3:7].tolist()
-        force = self.data.xfrc_applied[car["wheel"], :2].sum(axis=0) / car["mass"]
+        force = self._shear() / car["mass"] + car["gravity"][:2]
         cos, sin = math.cos(self._planar[2]), math.sin(self._planar[2])
         result = {
             "roll": math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
@@ -180,6 +230,16 @@ class MujocoPlant:
             result[f"load_{name}"] = own["load"][i]
             result[f"slip_ratio_{name}"], result[f"slip_angle_{name}"] = own["slip"][i]
         return {key: float(value) for key, value in result.items()}
+
+    def _shear(self) -> NDArray[np.float64]:
+        """Sum of the forces along the road in the last step, in the world's axes, shape (2,), in [N]."""
+        if self._car[0]["mode"] == 0:
+            return self.data.xfrc_applied[self._car[0]["wheel"], :2].sum(axis=0)
+        patches = self.data.sensordata[: 4 * PATCH].reshape(4, PATCH)
+        forces = self.data.sensordata[-12:].reshape(4, 3)
+        normal, tangent = patches[:, 5:8], patches[:, 8:11]
+        world = forces[:, 1:2] * tangent + forces[:, 2:] * np.cross(normal, tangent)
+        return world[:, :2].sum(axis=0)
 
     def close(self) -> None:
         """Nothing is held."""
@@ -204,6 +264,8 @@ def _record(vehicle: VehicleParameters, model: mujoco.MjModel, friction: float) 
     values = {
         "tyre": vehicle.tyre.as_array(),
         "friction": friction,
+        "gravity": model.opt.gravity,
+        "damping_scale": damping_scale(model),
         "mass": vehicle.mass,
         "unsprung": [corner.mass for corner in corners(vehicle)],
         "tyre_stiffness": data.tyre_stiffness,

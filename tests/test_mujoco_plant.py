@@ -1,13 +1,14 @@
 """The MuJoCo plant against Newton, the tyre law and the linear model."""
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, replace
 
-import mujoco
 import numpy as np
 import pytest
 
 from sidestep.plant_models.check_plant import check_plant
+from sidestep.plant_models.contact_tyre import TYRE_MODES
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.linear_plant import LinearPlant
 from sidestep.plant_models.mujoco_car import WHEELS, corners
@@ -214,22 +215,43 @@ def test_a_step_of_any_length_is_met_exactly():
         state = following
 
 
-def test_the_same_bits_after_a_reset_from_a_snapshot_and_beside_another_plant():
-    plant, other = MujocoPlant(BMW), MujocoPlant(VehicleParameters.preset("ford-escort"), friction=0.5)
-    start = VehicleState(x=1.0, yaw=0.3, v_x=12.0)
+@pytest.mark.parametrize("tyre", TYRE_MODES)
+def test_the_same_bits_after_a_reset_from_a_snapshot_and_beside_another_plant(tyre):
+    plant, other = MujocoPlant(BMW, tyre=tyre), MujocoPlant(VehicleParameters.preset("ford-escort"), friction=0.5)
+    start, saved = VehicleState(x=1.0, yaw=0.3, v_x=12.0), b""
     first = drive(plant, plant.reset(start), 1.0, 0.1, 9.0)
     again, companion = plant.reset(start), other.reset(start)
-    kind = mujoco.mjtState.mjSTATE_INTEGRATION
-    snapshot = np.zeros(mujoco.mj_stateSize(plant.model, kind))
     for k, expected in enumerate(first):
         if k == 50:
-            mujoco.mj_getState(plant.model, plant.data, snapshot, kind)
+            saved = plant.save()
         again = plant.step(SteeringCommand(0.0, 0.1, 9.0), 0.01)
         companion = other.step(SteeringCommand(0.0, -0.2, 15.0), 0.01)
         assert again == expected
     assert companion != again
-    mujoco.mj_setState(plant.model, plant.data, snapshot, kind)
-    assert drive(plant, again, 0.5, 0.1, 9.0) == first[50:]
+    twin = MujocoPlant(BMW, tyre=tyre)
+    for heir in (plant, twin):
+        assert heir.restore(saved) == first[49]
+        assert drive(heir, again, 0.5, 0.1, 9.0) == first[50:]
+
+
+def test_what_cannot_be_saved_or_restored_raises():
+    plant = MujocoPlant(BMW)
+    with pytest.raises(PlantError, match="reset"):
+        plant.save()
+    other = MujocoPlant(BMW, tyre="contact")
+    other.reset(VehicleState())
+    with pytest.raises(PlantError, match="another plant"):
+        plant.restore(other.save())
+
+
+def test_threads_give_the_same_bits_as_one_after_the_other():
+    def run(steer):
+        plant = MujocoPlant(BMW)
+        return drive(plant, plant.reset(VehicleState(v_x=15.0)), 1.0, steer, 15.0)
+
+    angles = [0.01, 0.03, -0.02, 0.05]
+    with ThreadPoolExecutor(4) as threads:
+        assert list(threads.map(run, angles)) == [run(angle) for angle in angles]
 
 
 def test_a_wheel_in_the_air_gives_no_force():
