@@ -107,7 +107,7 @@ def test_the_default_folder_says_when_and_what(tmp_path):
 
 
 def test_a_failed_run_is_exit_status_1(tmp_path):
-    # 3 s are enough to drive into a box that fills the lane between two walls
+    # a wall over the whole road that comes nearer: no braking helps
     wall = "obstacles=[{s=30, l=0, length=1, width=8, speed=-20}]"
     assert (
         main(["run", "single-obstacle", "--plant", "linear", "--set", wall, "--set", "duration=1.5", "--out", "a"]) == 1
