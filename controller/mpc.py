@@ -156,7 +156,11 @@ class _Rows:
 
 
 class Mpc:
-    """Builds and solves the QPs of one car, reusing its memory from step to step."""
+    """Builds and solves the QPs of one car, reusing its memory from step to step.
+
+    Attributes:
+        moves: Steering rates of the last solution, shape (n,), in [rad/s]: all that one step leaves to the next.
+    """
 
     def __init__(self, period: float, weights: MpcWeights, limits: Limits):
         self.level, self.block, self.group = grid(period)
@@ -188,14 +192,14 @@ class Mpc:
     def reset(self) -> None:
         """Forget the last solution, which only chooses the rows to begin with."""
         self._used = self._reduced
-        self._moves = np.zeros(self._prediction[1].shape[2])
+        self.moves = np.zeros(self._prediction[1].shape[2])
 
     def solve(self, x0: Array, speed: float, path: Array, heading: Array, turn_rate: Array, bounds: Array,
               forces: Array, slip_limits: tuple[float, float], car: Car) -> Solution:  # fmt: skip
         """Solve the step; arguments as in `qp`, all finite; `forces` are the lines at `force_times`."""
         began = time.perf_counter()
         rows = self._used = self._reduced
-        _fill(x0, speed, path, heading, turn_rate, bounds, forces, slip_limits, self._moves, car, self._grid,
+        _fill(x0, speed, path, heading, turn_rate, bounds, forces, slip_limits, self.moves, car, self._grid,
               self._weights, self._limits, *self._line_nodes, *self._prediction, self.lines, rows.cost,
               rows.rows)  # fmt: skip
         built = time.perf_counter()
@@ -212,11 +216,11 @@ class Mpc:
                 rows = self._used = self._full
                 for into, of in zip(rows.cost, self._reduced.cost, strict=True):
                     into[:] = of
-                fill_rows(self._moves, self.corridor_lines, self._limits.steer, self.block, *self.lines,
+                fill_rows(self.moves, self.corridor_lines, self._limits.steer, self.block, *self.lines,
                           *self._prediction, *rows.rows)  # fmt: skip
         solved = status == piqp.PIQP_SOLVED
         if solved:
-            self._moves = z[:-SLACKS]
+            self.moves = z[:-SLACKS]
         ended = time.perf_counter()
         return Solution(
             z=z, states=_states(x0, z, *self._prediction), status=status.name, solved=solved, iterations=iterations,

@@ -1,6 +1,7 @@
 """The stepping controller: state in, steering command out."""
 
 import math
+import pickle
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -37,6 +38,7 @@ SLOWING_SLACK = 0.02
 """Predicted violation of the corridor from which on the car slows down, in [m]."""
 OBSERVED_SPEED = 3.0
 """Speed below which nothing is learned: sideslip is not defined well, in [m/s]."""
+_MEMORY = ("plan", "_good", "_command", "_heard", "_sent", "_station", "_cruise", "_sides", "_before", "_disturbance")
 STANDSTILL = 0.1
 """Speed below which the wheels are not turned, in [m/s]."""
 
@@ -80,6 +82,27 @@ class SteeringController:
         self._disturbance = Disturbance()
         self._believe(self.config.friction)
         self._mpc.reset()
+
+    def save(self) -> bytes:
+        """All that is kept from step to step, for `restore`."""
+        moves = self._mpc.moves if isinstance(self._mpc, Mpc) else None
+        return pickle.dumps(([getattr(self, name) for name in _MEMORY], self._car.friction, moves))
+
+    def restore(self, memory: bytes) -> None:
+        """Go on from where `save` was called, bit for bit.
+
+        Args:
+            memory: From a controller of the same car, road and period; other settings may differ, and
+                hold from now on. Only your own: it is a pickle.
+        """
+        values, friction, moves = pickle.loads(memory)
+        for name, value in zip(_MEMORY, values, strict=True):
+            setattr(self, name, value)
+        if self.config.cruise_speed is not None:
+            self._cruise = self.config.cruise_speed
+        self._believe(friction if self.config.estimate_friction else self.config.friction)
+        if isinstance(self._mpc, Mpc):
+            self._mpc.moves = moves
 
     def _believe(self, friction: float) -> None:
         self._car = Car.of(self.vehicle, self.config.tyre_model == "affine", friction)
