@@ -8,7 +8,7 @@ from typing import Self
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.validation.scenario import Scenario
+from sidestep.validation.scenario import PlantSettings, Scenario
 from sidestep.validation.tables import did_you_mean
 
 PLANT_KINDS = ("linear", "single-track", "mujoco")
@@ -31,6 +31,8 @@ def _bare_plant(scenario: Scenario) -> Plant:
     settings, vehicle = scenario.plant, scenario.vehicle
     if settings.map and not settings.kind.endswith(".fmu"):
         raise InputError("plant.map", f"{settings.map!r} without an FMU", "only with an .fmu file as plant")
+    if settings.kind != "mujoco":
+        _require_plain_road(settings)
     if settings.kind == "linear":
         from sidestep.plant_models.linear_plant import LinearPlant
 
@@ -44,13 +46,22 @@ def _bare_plant(scenario: Scenario) -> Plant:
     if settings.kind == "mujoco":
         from sidestep.plant_models.mujoco_plant import MujocoPlant
 
-        return MujocoPlant(vehicle, path=scenario.path, obstacles=scenario.obstacles, friction=settings.friction)
+        return MujocoPlant(
+            vehicle, path=scenario.path, obstacles=scenario.obstacles, friction=settings.friction,
+            tyre=settings.tyre, surface=settings.surface,
+        )  # fmt: skip
     if settings.kind.endswith(".fmu"):
         from sidestep.fmu.fmu_plant import FmuPlant
 
         return FmuPlant.from_file(Path(settings.kind), Path(settings.map) if settings.map else None, vehicle)
     problem = f"unknown plant {settings.kind!r}{did_you_mean(settings.kind, PLANT_KINDS)}"
     raise InputError("plant.kind", problem, f"{', '.join(PLANT_KINDS)}, or an .fmu file")
+
+
+def _require_plain_road(settings: PlantSettings) -> None:
+    for name in ("tyre", "grade", "bank", "patches"):
+        if getattr(settings, name) != getattr(PlantSettings, name):
+            raise InputError(f"plant.{name}", f"the plant {settings.name} does not know it", "only with plant mujoco")
 
 
 class MisalignedSteering:

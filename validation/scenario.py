@@ -4,13 +4,14 @@ import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from msgspec import Meta
 
 from sidestep.controller import ControllerConfig
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.mujoco_surface import FrictionPatch, Surface
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import Arc, Clothoid, Line, ReferencePath
 from sidestep.plant_models.signals import VehicleState
@@ -32,12 +33,19 @@ class PlantSettings:
     Attributes:
         kind: linear, single-track, mujoco, or an .fmu file, found from the scenario file's folder.
         friction: Road friction as a factor on the tyres' peak.
+        tyre: What shears the tyres of MuJoCo's car, see `MujocoPlant`.
+        grade, bank: Rise of its road per metre along x and along y.
+        patches: Patches of other friction on its road; tables of `FrictionPatch` in the file.
         map: Mapping file (TOML) of an FMU that is not ours; empty for none.
         steer_offset: Added to every commanded road-wheel angle, in [rad]: a misaligned steering.
     """
 
     kind: str = "mujoco"
     friction: Positive = 1.0
+    tyre: Literal["magic-formula", "contact", "stock-contact"] = "magic-formula"
+    grade: float = 0.0
+    bank: float = 0.0
+    patches: tuple[Any, ...] = ()
     map: str = ""
     steer_offset: float = 0.0
 
@@ -45,6 +53,11 @@ class PlantSettings:
     def name(self) -> str:
         """For tables and file names: the kind, or the file's name without folder and ending."""
         return Path(self.kind).stem
+
+    @property
+    def surface(self) -> Surface:
+        """The road of MuJoCo's car."""
+        return Surface(self.grade, self.bank, self.patches)
 
 
 @dataclass(frozen=True)
@@ -225,7 +238,8 @@ def _obstacle(table: Any, where: str) -> Obstacle:
 
 
 def _vehicle(table: dict[str, Any], folder: Path) -> VehicleParameters:
-    values = checked(VehicleParameters, table, "vehicle", partial=True, also={"preset": str, "file": str, "tyre_file": str})
+    names = {"preset": str, "file": str, "tyre_file": str}
+    values = checked(VehicleParameters, table, "vehicle", partial=True, also=names)
     preset, file, tyre_file = values.pop("preset", "bmw-320i"), values.pop("file", ""), values.pop("tyre_file", "")
     base = VehicleParameters.from_file(folder / file) if file else VehicleParameters.preset(preset)
     base = base.with_(tyre=read_tyre(folder / tyre_file)) if tyre_file else base
@@ -245,7 +259,8 @@ def _controller(table: dict[str, Any], road: _Road, speed: float) -> tuple[str, 
 def _plant(table: dict[str, Any], folder: Path) -> PlantSettings:
     plant = PlantSettings(**checked(PlantSettings, table, "plant"))
     kind = str(folder / plant.kind) if plant.kind.endswith(".fmu") else plant.kind
-    return replace(plant, kind=kind, map=str(folder / plant.map) if plant.map else "")
+    patches = tuple(_made(FrictionPatch, patch, f"plant.patches[{i}]") for i, patch in enumerate(plant.patches))
+    return replace(plant, kind=kind, patches=patches, map=str(folder / plant.map) if plant.map else "")
 
 
 def _check_start(scenario: Scenario, s: float) -> None:
