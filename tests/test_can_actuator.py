@@ -142,7 +142,8 @@ def test_fault_from_the_start_never_yields_a_bad_number():
 def test_lower_rate_limit_wins(own, asked):
     bench = Bench(ActuatorConfig(rate_limit=own))
     bench.send(10, angle=0.0, rate_limit=asked)
-    bench.send(20, angle=1.0, rate_limit=asked)
+    for k in range(1, 21):
+        bench.step(bench.frame(angle=0.02 * k, rate_limit=asked))
     assert bench.angle == pytest.approx(20 * 0.5 * CYCLE)
     bench.send(500, angle=-1.0, rate_limit=asked)
     assert bench.angle == pytest.approx(-1.0)
@@ -156,13 +157,57 @@ def test_angle_limit_on_both_sides(limit):
         assert bench.angle == pytest.approx(got, abs=2.6e-5)
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("dt", "step", "followed"), [(0.01, 0.0599, True), (0.01, 0.0601, False), (0.02, 0.0699, True),
+                                                      (0.02, 0.0701, False)])  # fmt: skip
+def test_an_angle_farther_away_than_the_rate_limit_allows_is_not_followed(dt, step, followed, sign):
+    """1 rad/s asked for: 1 rad/s times the elapsed time and the 50 ms that frames may have waited."""
+    bench = Bench()
+    bench.send(50, angle=0.2 * sign, rate_limit=1.0)
+    assert bench.step(bench.frame(angle=0.2 * sign + step, rate_limit=1.0), dt=dt) is ACTIVE
+    assert bench.actuator.implausible == (not followed)
+    assert (bench.angle != pytest.approx(0.2 * sign)) == followed
+
+
+def test_a_sender_that_really_jumped_is_followed_again_when_it_could_have_got_there():
+    bench = Bench()
+    bench.send(50, angle=0.0, rate_limit=1.0)
+    states = bench.send(60, angle=0.3, rate_limit=1.0)
+    assert bench.actuator.implausible == 24  # 0.3 s less 50 ms; the 25th is far enough in time
+    assert set(states[24:]) == {ACTIVE}
+    assert RAMP in states
+
+
+def test_a_contradictory_or_overfull_frame_is_not_followed():
+    bench = driving()
+    mode, enable, reserved = 0x10, 0x80, 1 << 60
+    for change in (mode, enable):
+        data = bytearray(bench.frame(angle=0.21))
+        data[1] ^= change
+        bench.message.profile.protect(data, data[1] & 0xF)
+        bench.step(bytes(data))
+    assert bench.actuator.implausible == 2
+    data = bytearray((int.from_bytes(bench.frame(angle=0.21), "little") | reserved).to_bytes(8, "little"))
+    bench.message.profile.protect(data, data[1] & 0xF)
+    bench.step(bytes(data))
+    assert bench.angle == pytest.approx(0.2)
+    assert bench.actuator.channel.receiver.counts[CheckStatus.ERROR] == 0
+    assert bench.actuator.asked == SteeringCommand(pytest.approx(0.5), pytest.approx(0.2), pytest.approx(15.0))
+
+
+def test_enabling_may_jump():
+    bench = driving()
+    bench.send(10, enable=False)
+    assert bench.step(bench.frame(angle=1.2)) is ACTIVE
+
+
 def test_frozen_sender_is_caught_within_50_ms():
     bench = driving()
     frozen = bench.frame()
     bench.step(frozen)
     states = [bench.step(frozen) for _ in range(8)]
     assert states == [ACTIVE, ACTIVE, HOLD, HOLD, HOLD, RAMP, RAMP, RAMP]
-    assert bench.actuator.receiver.counts[CheckStatus.REPEATED] == 8
+    assert bench.actuator.channel.receiver.counts[CheckStatus.REPEATED] == 8
 
 
 def test_recovery_after_a_blackout_of_a_second_is_without_a_jump():
@@ -190,7 +235,7 @@ def test_corrupt_frames_alone_never_move_the_wheels():
         bench.step(bytes(data))
     assert bench.actuator.state is RAMP
     assert bench.angle == 0.0
-    assert bench.actuator.receiver.counts[CheckStatus.ERROR] == 200
+    assert bench.actuator.channel.receiver.counts[CheckStatus.ERROR] == 200
 
 
 def test_lost_commands_are_reported():

@@ -86,7 +86,7 @@ def test_every_protection_carries_every_message(protection):
     catalogue = messages(protection)
     sample = [catalogue[x.name] for x in m.VEHICLE_STATE]
     state = VehicleState(0.0, 12.0, -3.0, 0.1, 15.0, 0.2, 0.3, 0.0)
-    got = m.decode_vehicle_state(m.encode_vehicle_state(state, 4.0, 0, sample), 0.0, sample=sample)
+    got = m.decode_vehicle_state(m.encode_vehicle_state(state, 4.0, 0, sample=sample), 0.0, sample=sample)
     assert got is not None
     assert (got.x, got.y, got.v_x) == pytest.approx((12.0, -3.0, 15.0))
     eps = m.SteerStatus(m.ActuatorState.HOLD, 0.1, 0.2, VALID, 7)

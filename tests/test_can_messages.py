@@ -142,6 +142,16 @@ def test_any_numbers_make_a_valid_frame_within_half_a_step(message, data):
         assert abs(decoded[s.name] - nearest) <= 0.5 * s.scale * (1 + 1e-9)
 
 
+@pytest.mark.parametrize("protection", ["P02", "P05", "none"])
+def test_reserved_bits_are_those_that_nothing_uses(protection):
+    for name, message in messages(protection).items():
+        full = message.encode({s.name: s.high * s.scale for s in message.signals}, 15)
+        assert not int.from_bytes(full, "little") & message.reserved
+        bits = sum(s.length for s in load_dbc(protection).get_message_by_name(name).signals)
+        assert message.reserved.bit_count() == 8 * message.length - bits
+    assert messages()["STEER_CMD"].reserved == 0x3F << 58
+
+
 # --- protection
 
 
@@ -251,9 +261,14 @@ def test_implausible_intact_frames_are_not_enabled():
     }
     dbc = load_dbc().get_message_by_name("STEER_CMD")
 
-    def enabled(**changes):
+    def decoded(**changes):
         values = {"SteerCmd_CRC": 0, "SteerCmd_Counter": 0} | good | changes
-        return m.decode_steer_command(dbc.encode(values, strict=False), 0.0).enable
+        return m.decode_steer_command(dbc.encode(values, strict=False), 0.0)
+
+    def enabled(**changes):
+        frame = decoded(**changes)
+        assert frame.plausible == frame.enable  # a good angle without enable, or the other way round
+        return frame.enable
 
     assert enabled()
     assert enabled(SteerCmd_Angle=1.6)
@@ -262,6 +277,11 @@ def test_implausible_intact_frames_are_not_enabled():
     assert not enabled(SteerCmd_Angle=-1.6384)
     assert not any(enabled(SteerCmd_Mode=mode) for mode in range(8) if mode != 2)
     assert not enabled(SteerCmd_Enable=0)
+    for mode in (0, 1, 7):
+        assert decoded(SteerCmd_Mode=mode, SteerCmd_Enable=0, SteerCmd_Angle=0.0).plausible
+        assert not decoded(SteerCmd_Mode=mode, SteerCmd_Enable=0, SteerCmd_Angle=5e-5).plausible
+        assert not decoded(SteerCmd_Mode=mode, SteerCmd_Angle=0.0).plausible
+    assert not decoded(SteerCmd_Mode=2, SteerCmd_Enable=0, SteerCmd_Angle=0.0).plausible
 
 
 # --- vehicle state and status

@@ -12,7 +12,6 @@ from enum import IntEnum
 from sidestep.controller.can_port.e2e import ACCEPTED, CheckStatus
 from sidestep.plant_models.errors import InputError
 
-
 _OK = CheckStatus.OK
 
 
