@@ -54,12 +54,12 @@ class Corridor(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def plan_corridor(s, offset, speed, now, boxes, table, period, committed, settings, grid, turn_times, turn):
+def plan_corridor(s, offset, speed, cruise, now, boxes, table, period, committed, settings, grid, turn_times, turn):
     """Search the path and bound the footprint along the prediction.
 
     Args:
         s, offset: Of the car in the road frame, in [m].
-        speed: v, in [m/s].
+        speed, cruise: v, and the speed to go back to, in [m/s].
         now: Time, in [s]; the boxes stand where they were at 0.
         boxes: See `corridor.obstacle_polygons`, but with absolute s, shape (M, 6).
         table, period: Of the ReferencePath.
@@ -80,7 +80,7 @@ def plan_corridor(s, offset, speed, now, boxes, table, period, committed, settin
         boxes[m, 0] = ahead
         road[m] = curvature_at(table, period, s + ahead)
     polygons, speeds = obstacle_polygons(boxes, road), boxes[:, 5].copy()
-    path = plan_path(s, offset, speed, polygons, speeds, committed, settings)
+    path = plan_path(s, offset, speed, cruise, polygons, speeds, committed, settings)
     path_stations, path_offsets, _, _, sides, _, blocker, room = path
 
     pace = max(speed, 0.0)

@@ -46,6 +46,7 @@ class PlannerSettings(NamedTuple):
     hysteresis: float
     max_lateral_speed: float
     max_slope: float
+    acceleration: float
 
 
 class PlannedPath(NamedTuple):
@@ -72,12 +73,13 @@ class PlannedPath(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def node_costs(stations, offsets, speed, polygons, speeds, committed, p):
+def node_costs(stations, times, offsets, speed, polygons, speeds, committed, p):
     """Costs (10) and (12) of every node, and the price of what is in the way.
 
     Args:
-        stations, offsets: Layers and lateral nodes, shapes (S,) and (L,), in [m].
-        speed: Of the car, in [m/s]; layer i is reached after stations[i] / speed.
+        stations, times: Layers [m] and when the car is there, from now [s], shape (S,).
+        offsets: Lateral nodes, shape (L,), in [m].
+        speed: Of the car, in [m/s].
         polygons, speeds: Obstacles, shapes (M, 8, 2) and (M,).
         committed: Passing side kept from before, 0 for none, shape (M,).
         p: PlannerSettings.
@@ -96,7 +98,7 @@ def node_costs(stations, offsets, speed, polygons, speeds, committed, p):
         low_all, high_all = polygons[m, :, 1].min(), polygons[m, :, 1].max()
         for i in range(stations.shape[0]):
             half_layer = 0.5 * (stations[min(i + 1, stations.shape[0] - 1)] - stations[max(i - 1, 0)]) * 0.5
-            shift = speeds[m] * stations[i] / speed
+            shift = speeds[m] * times[i]
             along = max(begin + shift - stations[i] - p.reach, stations[i] - p.reach - end - shift, 0.0)
             if along > p.safe_distance + half_layer:
                 continue
@@ -175,12 +177,38 @@ def _better(value, node, least, other, home):
 
 
 @njit(cache=True, nogil=True)
-def plan_path(station, offset, speed, polygons, speeds, committed, p):
+def arrival_times(stations, speed, cruise, acceleration):
+    """When a car that goes back to its cruising speed is at stations ahead, from now, in [s].
+
+    A car that follows a slow one would pass for free if it were taken to stay as slow as it is.
+
+    Args:
+        stations: In [m], shape (S,).
+        speed, cruise: In [m/s].
+        acceleration: In [m/s^2].
+    """
+    v = max(speed, 0.0)
+    times = np.empty(stations.shape[0])
+    if v >= cruise:
+        times[:] = stations / max(v, 1.0)
+        return times
+    until = (cruise * cruise - v * v) / (2.0 * acceleration)
+    for i in range(stations.shape[0]):
+        s = stations[i]
+        if s < until:
+            times[i] = (math.sqrt(v * v + 2.0 * acceleration * s) - v) / acceleration
+        else:
+            times[i] = (cruise - v) / acceleration + (s - until) / cruise
+    return times
+
+
+@njit(cache=True, nogil=True)
+def plan_path(station, offset, speed, cruise, polygons, speeds, committed, p):
     """Search the best path from the car on and the corridor around it.
 
     Args:
         station, offset: s and l of the car, in [m].
-        speed: In [m/s].
+        speed, cruise: Present speed, and the one to go back to, in [m/s].
         polygons, speeds: Obstacles relative to the car, shapes (M, 8, 2) and (M,), in [m] and [m/s].
         committed: Passing sides kept from the step before, 0 for none, shape (M,).
         p: PlannerSettings.
@@ -200,7 +228,8 @@ def plan_path(station, offset, speed, polygons, speeds, committed, p):
         lowest = highest = round(0.5 * (p.right_edge + p.left_edge) / LATERAL_STEP)
     offsets = LATERAL_STEP * np.arange(lowest, highest + 1)
 
-    cost = node_costs(stations, offsets, pace, polygons, speeds, committed, p)
+    times = arrival_times(stations, speed, cruise, p.acceleration)
+    cost = node_costs(stations, times, offsets, pace, polygons, speeds, committed, p)
     start = offset / LATERAL_STEP - lowest
     slope = min(p.max_slope, p.max_lateral_speed / pace)
     reach = max(int(slope * spacing / LATERAL_STEP + 1e-9), 1)
@@ -214,10 +243,12 @@ def plan_path(station, offset, speed, polygons, speeds, committed, p):
     path = np.empty(LAYERS + 1)
     path_stations[0], path[0] = 0.0, offset
     path_stations[1:], path[1:] = stations, offsets[nodes]
-    sides, blocker, blocked_from = _passing_sides(path_stations, path, pace, polygons, speeds, p)
+    path_times = np.zeros(LAYERS + 1)
+    path_times[1:] = times
+    sides, blocker, blocked_from = _passing_sides(path_stations, path_times, path, polygons, speeds, p)
     path[max(blocked_from, 1) :] = path[max(blocked_from, 1) - 1]  # stay where it is free until then
     right, left = corridor_bounds(
-        path_stations, path_stations / pace, np.full(LAYERS + 1, p.reach), polygons, speeds, sides,
+        path_stations, path_times, np.full(LAYERS + 1, p.reach), polygons, speeds, sides,
         p.right_edge, p.left_edge,
     )  # fmt: skip
     right, left = right + hard, left - hard
@@ -233,7 +264,7 @@ def plan_path(station, offset, speed, polygons, speeds, committed, p):
 
 
 @njit(cache=True, nogil=True)
-def _passing_sides(stations, path, pace, polygons, speeds, p):
+def _passing_sides(stations, times, path, polygons, speeds, p):
     """Side on which the path passes each obstacle, what blocks it first, and from which station on."""
     sides = np.zeros(polygons.shape[0], np.int64)
     blocker, nearest_face, blocked_from = FREE, math.inf, stations.shape[0]
@@ -243,7 +274,7 @@ def _passing_sides(stations, path, pace, polygons, speeds, p):
         middle = 0.5 * (polygons[m, 0, 1] + polygons[m, 4, 1])
         beside, hit, passing, distance = True, stations.shape[0], 0, math.inf
         for i in range(stations.shape[0]):
-            shift = speeds[m] * stations[i] / pace
+            shift = speeds[m] * times[i]
             away = abs(stations[i] - 0.5 * (begin + end) - shift)
             if away < distance:
                 distance, passing = away, i

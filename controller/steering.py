@@ -36,6 +36,8 @@ PLANNER_REACH = 0.3
 """Stretch of road that the planner checks to both sides of a station, in lengths of the car."""
 SLOWING_SLACK = 0.02
 """Predicted violation of the corridor from which on the car slows down, in [m]."""
+CREEP_SPEED = 2.0
+"""Speed left when the corridor cannot be held: standing still, the car would never come back into it, in [m/s]."""
 OBSERVED_SPEED = 3.0
 """Speed below which nothing is learned: sideslip is not defined well, in [m/s]."""
 _MEMORY = ("plan", "_good", "_command", "_heard", "_sent", "_station", "_cruise", "_sides", "_before", "_disturbance")
@@ -215,8 +217,8 @@ class SteeringController:
         times = good.states_time - (state.time - good.time) if good else self._node_times
         turn = good.states[:, 3] / max(state.v_x, 1.0) if good else np.zeros(len(times))
         path, offset, slope, turn_rate, bounds, gap, gap_speed = plan_corridor(
-            s, l, state.v_x, state.time, self._boxes, self.path.table, self.path.period, self._sides,
-            self._settings, self._grid, times, turn,
+            s, l, state.v_x, self._cruise or 0.0, state.time, self._boxes, self.path.table, self.path.period,
+            self._sides, self._settings, self._grid, times, turn,
         )  # fmt: skip
         return Corridor(PlannedPath(*path), offset, slope, turn_rate, bounds, gap, gap_speed)
 
@@ -228,7 +230,7 @@ class SteeringController:
             target = min(target, approach_speed(distance, corridor.gap_speed, config.comfort_braking))
         if solution.slack_corridor > SLOWING_SLACK:  # passable, but not at this speed
             room = max(v * solution.time_to_excess - self.vehicle.front_extent, 0.0)
-            target = min(target, approach_speed(room, 0.0, config.comfort_braking))
+            target = min(target, max(approach_speed(room, 0.0, config.comfort_braking), CREEP_SPEED))
         return target, max(distance, 0.0)
 
     def _plan(self, state: VehicleState, s: float, path: PlannedPath, solution: Solution, stop_distance: float,
@@ -305,5 +307,5 @@ def _planner_settings(vehicle: VehicleParameters, c: ControllerConfig) -> Planne
         reference=c.reference_offset, right_edge=-c.width_right, left_edge=c.width_left,
         weight_reference=c.weight_reference, weight_continuity=c.weight_continuity,
         weight_obstacle=c.weight_obstacle, hysteresis=c.side_hysteresis,
-        max_lateral_speed=c.max_lateral_speed, max_slope=c.max_slope,
+        max_lateral_speed=c.max_lateral_speed, max_slope=c.max_slope, acceleration=vehicle.max_acceleration,
     )  # fmt: skip

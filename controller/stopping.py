@@ -2,8 +2,9 @@
 
 import math
 
-SPEED_RESPONSE = 0.5
-"""Response time assumed of the plant's speed control, in [s]."""
+SPEED_RESPONSE = 1.0
+"""Response time assumed of the plant's speed control, in [s]: twice that of our plants, which keeps the last
+metres from overshooting."""
 GAP_TIME = 2.0
 """Time in which a gap that is too small is opened again, in [s]."""
 

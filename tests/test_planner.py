@@ -17,6 +17,7 @@ from sidestep.controller.planner import (
     LATERAL_STEP,
     PlannedPath,
     PlannerSettings,
+    arrival_times,
     node_costs,
     plan_path,
     shortest_path,
@@ -25,8 +26,7 @@ from sidestep.controller.planner import (
 SETTINGS = PlannerSettings(
     front=2.12, rear=2.39, reach=1.35, half_width=0.805, buffer=0.2, tightening=0.03, margin_time=0.01,
     safe_distance=1.0, reference=0.0, right_edge=-4.0, left_edge=4.0, weight_reference=1.0, weight_continuity=0.2,
-    weight_obstacle=3.0,
-    hysteresis=2.0, max_lateral_speed=5.0, max_slope=0.35,
+    weight_obstacle=3.0, hysteresis=2.0, max_lateral_speed=5.0, max_slope=0.35, acceleration=3.0,
 )  # fmt: skip
 HARD = SETTINGS.half_width + SETTINGS.buffer
 
@@ -35,7 +35,7 @@ def search(boxes, speed=15.0, offset=0.0, committed=None, station=0.0, settings=
     boxes = np.array(boxes, dtype=float).reshape(-1, 6)
     polygons = obstacle_polygons(boxes, np.zeros(len(boxes)))
     committed = np.zeros(len(boxes), dtype=np.int64) if committed is None else np.array(committed)
-    return PlannedPath(*plan_path(station, offset, speed, polygons, boxes[:, 5].copy(), committed, settings))
+    return PlannedPath(*plan_path(station, offset, speed, speed, polygons, boxes[:, 5].copy(), committed, settings))
 
 
 def brute_force(cost, first_weight, weight, reach, start, start_reach):
@@ -78,7 +78,16 @@ def test_free_road_is_followed():
 def test_node_costs_are_those_of_the_paper():
     box = np.array([[20.0, 0.0, 4.0, 2.0, 0.0, 0.0]])
     stations, offsets = np.arange(1.0, 60.0), np.arange(-3.0, 3.01, 0.5)
-    cost = node_costs(stations, offsets, 15.0, obstacle_polygons(box, np.zeros(1)), np.zeros(1), np.zeros(1), SETTINGS)
+    cost = node_costs(
+        stations,
+        stations / 15.0,
+        offsets,
+        15.0,
+        obstacle_polygons(box, np.zeros(1)),
+        np.zeros(1),
+        np.zeros(1),
+        SETTINGS,
+    )
     assert cost[50] == pytest.approx(offsets**2)  # (10) far from everything
     assert cost[19, 6] > COLLISION_COST
     soft = HARD + SETTINGS.tightening + 0.15
@@ -176,3 +185,22 @@ def test_any_speed_gives_a_finite_path(speed):
     path = search([(30.0, 0.0, 4.0, 1.8, 0.0, 2.0)], speed=speed)
     assert np.isfinite(path.offsets).all()
     assert np.isfinite(path.cost)
+
+
+@pytest.mark.parametrize("speed", [0.0, 4.0, 15.0, 20.0])
+def test_arrival_times_are_those_of_the_simulated_car(speed):
+    stations, t, s, v, simulated = np.linspace(1.0, 60.0, 60), 0.0, 0.0, speed, []
+    for station in stations:
+        while s < station:
+            v_next = max(min(v + 3.0 * 1e-4, 15.0), v if v > 15.0 else 0.0)
+            s, v, t = s + 0.5e-4 * (v + v_next), v_next, t + 1e-4
+        simulated.append(t)
+    assert arrival_times(stations, speed, 15.0, 3.0) == pytest.approx(simulated, abs=2e-3)
+
+
+def test_slow_leader_blocks_even_when_followed_at_its_speed():
+    """At the leader's own speed it would never be reached; at the cruising speed it would."""
+    box = np.array([[7.0, 0.0, 4.5, 6.5, 0.0, 5.0]])
+    polygons = obstacle_polygons(box, np.zeros(1))
+    path = PlannedPath(*plan_path(0.0, 0.0, 5.0, 15.0, polygons, np.array([5.0]), np.zeros(1, np.int64), SETTINGS))
+    assert path.blocker == 0

@@ -218,3 +218,45 @@ def test_plan_tells_what_happened():
     assert plan.dual_residual < 1e-7
     assert plan.step_us >= plan.plan_us > 0.0
     assert plan.sides[0] in (-1, 1)
+
+
+@pytest.mark.parametrize("start", [VehicleState(y=5.0, v_x=10.0), VehicleState(yaw=1.0, v_x=5.0)])
+def test_starts_outside_the_corridor_come_back(start):
+    states, _, plans = drive((), start=start, duration=15.0)
+    assert abs(states[-1].y) < 0.05
+    assert abs(states[-1].yaw) < 0.02
+    assert plans[-1].feasible
+
+
+def test_slow_leader_is_followed_at_a_gap():
+    leader = Obstacle(40.0, 0.0, 4.5, 6.5, speed=5.0)
+    states, commands, plans = drive((leader,), duration=12.0)
+    gaps = [leader.at(s.time).s - 2.25 - s.x - BMW.front_extent for s in states]
+    assert min(gaps) > 1.0
+    assert states[-1].v_x == pytest.approx(5.0, abs=0.3)
+    assert {command.status for command in commands[200:]} == {Status.BLOCKED}
+    assert abs(states[-1].y) < 0.05
+    assert all(plan.feasible for plan in plans)
+
+
+def test_drives_on_when_the_road_clears():
+    crossing = (Obstacle(60.0, -9.0, 2.0, 2.0), Obstacle(45.0, 0.0, 4.5, 7.0, speed=12.0))
+    states, commands, _ = drive(crossing, start=VehicleState(v_x=5.0), config=ControllerConfig(cruise_speed=10.0))
+    assert commands[-1].target_speed == 10.0
+    assert states[-1].v_x > 9.0
+
+
+@pytest.mark.parametrize("distance", [20.0, 25.0, 30.0])
+def test_box_that_appears_late_is_still_passed(distance):
+    box = Obstacle(distance, 0.0, 4.5, 1.8)
+    states, _, _ = drive((box,), duration=5.0)
+    shape = shapely.box(box.s - 2.25, -0.9, box.s + 2.25, 0.9)
+    assert min(footprint(state).distance(shape) for state in states) > 0.15
+
+
+@pytest.mark.parametrize(("distance", "gap"), [(20.0, 0.5), (25.0, 1.0), (60.0, 1.5)])
+def test_wall_that_appears_late_is_braked_for(distance, gap):
+    states, commands, _ = drive((Obstacle(distance + 0.5, 0.0, 1.0, 12.0),), duration=14.0)
+    assert commands[0].status is Status.BLOCKED
+    assert states[-1].v_x < 0.1
+    assert distance - BMW.front_extent - states[-1].x > gap
