@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 import fmpy
-from fmpy.model_description import ModelDescription, ScalarVariable
+from fmpy.model_description import CoSimulation, ModelDescription, ScalarVariable
 
 from sidestep.plant_models.errors import InputError
 
@@ -24,6 +24,9 @@ class UnpackedFmu:
         identifier: Of the co-simulation interface: the binary's name.
         token: GUID or instantiation token.
         variables: fmpy's description of the variables, by name.
+        fixed_step: Step that every communication step must be a multiple of, in [s]; 0 if any will do.
+        description: fmpy's, of the whole.
+        interface: fmpy's, of co-simulation.
     """
 
     folder: Path
@@ -32,6 +35,9 @@ class UnpackedFmu:
     identifier: str
     token: str
     variables: dict[str, ScalarVariable]
+    fixed_step: float
+    description: ModelDescription
+    interface: CoSimulation
 
 
 def unpack(path: Path) -> UnpackedFmu:
@@ -50,7 +56,7 @@ def unpack(path: Path) -> UnpackedFmu:
             if damaged:
                 raise InputError(str(path), f"{damaged} in it is damaged")
             description = _read_description(path)
-            identifier = _find_binary(path, description, names)
+            interface = _find_binary(path, description, names)
             folder = _extract(archive)
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
         raise InputError(str(path), f"not an FMU, or a truncated one: {error}") from error
@@ -60,10 +66,24 @@ def unpack(path: Path) -> UnpackedFmu:
         folder=folder,
         is_fmi2=description.fmiVersion == "2.0",
         name=str(description.modelName),
-        identifier=identifier,
+        identifier=str(interface.modelIdentifier),
         token=str(description.guid),
         variables={variable.name: variable for variable in description.modelVariables},
+        fixed_step=_fixed_step(path, description, interface),
+        description=description,
+        interface=interface,
     )
+
+
+def _fixed_step(path: Path, description: ModelDescription, interface: CoSimulation) -> float:
+    experiment = description.defaultExperiment
+    if interface.canHandleVariableCommunicationStepSize:
+        return 0.0
+    step = interface.fixedInternalStepSize or (experiment.stepSize if experiment else None) or 0.0
+    try:
+        return float(step)
+    except ValueError as error:
+        raise InputError(str(path), f"its step size is {step!r}", "a number") from error
 
 
 def _extract(archive: zipfile.ZipFile) -> Path:
@@ -91,8 +111,8 @@ def _read_description(path: Path) -> ModelDescription:
         raise InputError(str(path), f"modelDescription.xml cannot be read: {error}") from error
 
 
-def _find_binary(path: Path, description: ModelDescription, names: list[str]) -> str:
-    """Model identifier of the co-simulation interface, whose binary for this machine is there."""
+def _find_binary(path: Path, description: ModelDescription, names: list[str]) -> CoSimulation:
+    """The co-simulation interface, whose binary for this machine is there."""
     version = str(description.fmiVersion)
     if version.startswith("1."):
         raise InputError(str(path), f"FMI {version}", "FMI 2.0, FMI 3.0")
@@ -104,4 +124,4 @@ def _find_binary(path: Path, description: ModelDescription, names: list[str]) ->
         parts = [PurePosixPath(name).parts for name in names]
         there = sorted({part[1] for part in parts if part[0] == "binaries" and len(part) > 2})
         raise InputError(str(path), f"no binary for {platform} in it, but for: {', '.join(there) or 'none'}")
-    return identifier
+    return description.coSimulation

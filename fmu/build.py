@@ -18,12 +18,13 @@ from pathlib import Path
 import fmpy
 
 from sidestep.fmu.model_description import build_description, model_description, variable_rows
-from sidestep.fmu.variables import Model, c_header, find_model
+from sidestep.fmu.plants import find_model
+from sidestep.fmu.variables import Model, c_header
 from sidestep.plant_models.errors import InputError, PlantError
 
 _FOLDER = Path(__file__).parent
 _FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
-_COMMON_SOURCES = ("instance.c", "fmi2.c", "fmi3.c")
+_COMMON_SOURCES = ("instance.c", "instance.h", "fmi2.c", "fmi3.c")
 # no fused multiply-add and no -march=native: the same bits on every machine
 _FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno")
 _WAYS_OUT = "install gcc or clang (or set CC), `pip install sidestep[cross]`, or take --plant linear or mujoco"
@@ -37,7 +38,7 @@ def build_fmu(model: str = "single-track", fmi: int = 3, out: str | Path | None 
     """A native plant as an FMU for this machine.
 
     Args:
-        model: One of `variables.MODELS`.
+        model: One of `plants.MODELS`.
         fmi: 2 or 3.
         out: Where to put it; the cache's own file if None.
 
@@ -48,22 +49,45 @@ def build_fmu(model: str = "single-track", fmi: int = 3, out: str | Path | None 
         InputError: Unknown model or FMI version, or `out` or the cache cannot be written.
         CompilerError: The FMU is not in the cache and cannot be compiled.
     """
+    file = build_model(find_model(model), fmi)
+    return copy_to(file, Path(out)) if out else file
+
+
+def build_model(model: Model, fmi: int, resources: dict[str, bytes] | None = None) -> Path:
+    """The FMU of a variable table and its C files, from the cache if it is there.
+
+    Args:
+        model: What to build.
+        fmi: 2 or 3.
+        resources: Files in resources/, by name.
+
+    Raises:
+        InputError: Unknown FMI version, or the cache cannot be written.
+        CompilerError: The FMU is not in the cache and cannot be compiled.
+    """
     if fmi not in (2, 3):
         raise InputError("fmi", f"{fmi}", "2, 3")
-    plant = find_model(model)
     compiler = find_compiler()
     recipe = repr((compiler, _version(tuple(compiler)), _FLAGS)).encode()
-    key = _digest(_contents(plant) | {"recipe": recipe})
-    file = _cache_folder() / f"{plant.identifier}-fmi{fmi}-{key}.fmu"
+    contents = _contents(model) | {f"resources/{name}": data for name, data in (resources or {}).items()}
+    file = _cache_folder() / f"{model.identifier}-fmi{fmi}-{_digest(contents | {'recipe': recipe})}.fmu"
     if not file.exists():
-        _write(file, _archive(plant, fmi, _library(plant, key)))
-    if out is None:
-        return file
+        library = _library(model, _digest(source_files(model) | {"recipe": recipe}))
+        _write(file, _archive(model, fmi, contents, library))
+    return file
+
+
+def copy_to(file: Path, out: Path) -> Path:
+    """Copy a file, in one go.
+
+    Raises:
+        InputError: `out` cannot be written.
+    """
     try:
-        _write(Path(out), file.read_bytes())
+        _write(out, file.read_bytes())
     except OSError as error:
         raise InputError(str(out), f"cannot be written: {error.strerror}") from error
-    return Path(out)
+    return out
 
 
 def find_compiler() -> list[str]:
@@ -80,14 +104,14 @@ def find_compiler() -> list[str]:
     raise CompilerError(f"no C compiler: {command[0]!r} is not on the PATH; {_WAYS_OUT}")
 
 
-def compile_library(sources: Path, output: Path) -> None:
-    """Compile every C file of a folder into one shared library.
+def compile_library(sources: Path, output: Path, flags: tuple[str, ...] = ()) -> None:
+    """Compile every C file of a folder into one shared library, with further compiler flags.
 
     Raises:
         CompilerError: No compiler, or it failed: the first lines of what it said.
     """
     files = sorted(str(file) for file in sources.glob("*.c"))
-    command = [*find_compiler(), *_FLAGS, f"-I{sources}", *files, "-o", str(output), "-lm"]
+    command = [*find_compiler(), *_FLAGS, *flags, f"-I{sources}", *files, "-o", str(output), "-lm"]
     result = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
     if result.returncode != 0:
         said = "; ".join(result.stderr.strip().splitlines()[:4]) or f"exit status {result.returncode}"
@@ -96,7 +120,7 @@ def compile_library(sources: Path, output: Path) -> None:
 
 def source_files(model: Model) -> dict[str, bytes]:
     """Everything in sources/ by name: enough to build the binary again anywhere."""
-    names = (*_COMMON_SOURCES, f"{model.identifier}.c", "instance.h", "model.h")
+    names = (*_COMMON_SOURCES, *model.c_files)
     files = {name: (_FOLDER / "sources" / name).read_bytes() for name in names}
     files |= {header.name: header.read_bytes() for header in sorted(_FMI_HEADERS.glob("fmi[23]*.h"))}
     files["variables.h"] = c_header(model, _token(model)).encode()
@@ -123,9 +147,8 @@ def _contents(model: Model) -> dict[str, bytes]:
     return files
 
 
-def _archive(model: Model, fmi: int, library: Path) -> bytes:
+def _archive(model: Model, fmi: int, files: dict[str, bytes], library: Path) -> bytes:
     platform = fmpy.platform if fmi == 2 else fmpy.platform_tuple
-    files = _contents(model)
     description = files[f"{fmi}/modelDescription.xml"]
     files = {"modelDescription.xml": description} | {k: v for k, v in files.items() if not k[0].isdigit()}
     files[f"binaries/{platform}/{model.identifier}{fmpy.sharedLibraryExtension}"] = library.read_bytes()

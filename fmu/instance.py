@@ -4,22 +4,28 @@ Life cycle: construct (unpack, load) -> start -> any number of set, step, get ->
 """
 
 import ctypes
-import os
+import math
 import shutil
 import weakref
 from collections import deque
+from collections.abc import Iterable
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import FMU2Slave, defaultCallbacks, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 
-from sidestep.fmu.archive import UnpackedFmu, unpack
+from sidestep.fmu.archive import unpack
+from sidestep.fmu.loading import fmi2_callbacks, load_binary
 from sidestep.plant_models.errors import InputError, PlantError
 
+_DOUBLES = ("Real", "Float64")
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
-_WARNING, _FATAL = 1, 4
+_WARNING, _DISCARD, _FATAL = 1, 2, 4
+_LAST_SUCCESSFUL_TIME = 2
+SMALLEST_PART = 2**-10
+"""Part of a communication step below which a step that is discarded again and again is given up."""
 
 
 class Port:
@@ -44,6 +50,9 @@ class FmuInstance:
     Attributes:
         path: The .fmu file.
         variables: fmpy's description of its variables, by name.
+        fixed_step: Step that every communication step must be a multiple of, in [s]; 0 if any will do.
+        interface: fmpy's description of its co-simulation interface.
+        is_fmi2: FMI 2.0, else FMI 3.0.
     """
 
     def __init__(self, path: str | Path):
@@ -56,8 +65,9 @@ class FmuInstance:
         with ExitStack() as resources:
             unpacked = unpack(self.path)
             resources.callback(shutil.rmtree, unpacked.folder, ignore_errors=True)
-            self.variables, self._is_fmi2 = unpacked.variables, unpacked.is_fmi2
-            self._slave = _load(self.path, unpacked)
+            self.variables, self.is_fmi2 = unpacked.variables, unpacked.is_fmi2
+            self.fixed_step, self.interface = unpacked.fixed_step, unpacked.interface
+            self._slave = load_binary(self.path, unpacked)
             resources.callback(self._slave.freeLibrary)
             resources.callback(_end, self._slave)
             self._release = weakref.finalize(self, resources.pop_all().close)
@@ -73,21 +83,30 @@ class FmuInstance:
             InputError: No such variable, or one that is not a double.
         """
         for name in names:
-            if name not in self.variables:
-                raise InputError(str(self.path), f"no variable {name!r} in it", ", ".join(list(self.variables)[:40]))
-            if self.variables[name].type not in ("Real", "Float64"):
-                raise InputError(str(self.path), f"{name!r} is of type {self.variables[name].type}", "Real, Float64")
-        return Port(names, [self.variables[name].valueReference for name in names], self._is_fmi2)
+            if self._type(name) not in _DOUBLES:
+                raise InputError(str(self.path), f"{name!r} is of type {self._type(name)}", ", ".join(_DOUBLES))
+        return Port(names, [self.variables[name].valueReference for name in names], self.is_fmi2)
+
+    def check_known(self, names: Iterable[str]) -> None:
+        """Whether these are names of its variables, of any type.
+
+        Raises:
+            InputError: One is not.
+        """
+        for name in names:
+            self._type(name)
 
     def start(self, time: float, values: dict[str, float]) -> None:
         """A new instance at `time` [s] with these start values; a former one is freed.
 
         Raises:
-            InputError: A name is not one of its variables.
+            InputError: A name is not one of its variables, or a value does not fit its type.
             PlantError: The FMU refuses.
         """
-        port = self.port(list(values))
-        port.values[:] = list(values.values())
+        others = {name: value for name, value in values.items() if self._type(name) not in _DOUBLES}
+        doubles = {name: value for name, value in values.items() if name not in others}
+        port = self.port(list(doubles))
+        port.values[:] = list(doubles.values())
         self._handle = None
         _end(self._slave)
         self._time = time
@@ -96,14 +115,30 @@ class FmuInstance:
         try:
             if isinstance(slave, FMU2Slave):
                 slave.setupExperiment(startTime=time)
-                self.set(port)
+            self.set(port)
+            self._set_others(others)
+            if isinstance(slave, FMU2Slave):
                 slave.enterInitializationMode()
             else:
-                self.set(port)
                 slave.enterInitializationMode(startTime=time)
             slave.exitInitializationMode()
         except FMICallException as error:
             raise self._failure(error.function, error.status) from error
+
+    def _type(self, name: str) -> str:
+        if name not in self.variables:
+            raise InputError(str(self.path), f"no variable {name!r} in it", ", ".join(list(self.variables)[:40]))
+        return str(self.variables[name].type)
+
+    def _set_others(self, values: dict[str, float]) -> None:
+        for name, value in values.items():
+            kind = self._type(name)
+            if kind == "Enumeration":
+                kind = "Integer" if self.is_fmi2 else "Int64"
+            if kind != "Float32" and value != int(value):
+                raise InputError(str(self.path), f"{name!r} of type {kind} cannot be {value}", "a whole number")
+            number = value if kind == "Float32" else bool(value) if kind == "Boolean" else int(value)
+            getattr(self._slave, f"set{kind}")([self.variables[name].valueReference], [number])
 
     def set(self, port: Port) -> None:
         """Hand the port's buffer to the FMU.
@@ -126,22 +161,69 @@ class FmuInstance:
             raise self._failure(self._names[1], status)
 
     def step(self, time: float, duration: float) -> None:
-        """From `time` on for `duration`, in [s].
+        """From `time` on for `duration`, in [s]; what the FMU discards is tried again in halves.
 
         Raises:
             PlantError: The FMU cannot.
+            InputError: It only makes steps of another size.
         """
-        self._time = time
-        status = self._do_step(self._handle, ctypes.c_double(time), ctypes.c_double(duration), *self._step_arguments)
-        if status > _WARNING:
-            raise self._failure(self._names[2], status)
-        if self._ended.value:
-            raise PlantError(f"{self.path.name}: the FMU ended the simulation in the step from t = {time:.6g} s")
+        if self.fixed_step:
+            self._step_in_parts(time, duration, self._parts(duration))
+        else:
+            self._step(time, duration)
+
+    def _parts(self, duration: float) -> int:
+        parts = round(duration / self.fixed_step)
+        if parts < 1 or not math.isclose(parts * self.fixed_step, duration, rel_tol=1e-6):
+            problem = f"a step of {duration:g} s: this FMU only steps by {self.fixed_step:g} s"
+            raise InputError(str(self.path), problem, f"multiples of {self.fixed_step:g} s (see controller.period)")
+        return parts
+
+    def _step_in_parts(self, time: float, duration: float, parts: int) -> None:
+        for part in range(parts):
+            self._step(time + part * duration / parts, duration / parts)
+
+    def _step(self, time: float, duration: float) -> None:
+        done, size = 0.0, duration
+        while done < duration * (1.0 - 1e-9):
+            start = self._time = time + done
+            status = self._do_step(self._handle, ctypes.c_double(start), ctypes.c_double(size), *self._step_arguments)
+            if status > _WARNING and (status != _DISCARD or self.fixed_step or size <= duration * SMALLEST_PART):
+                raise self._failure(self._names[2], status)
+            if self._has_ended():
+                raise PlantError(f"{self.path.name}: the FMU ended the simulation in the step from t = {start:.6g} s")
+            reached = self._reached(start, size, status)
+            if reached < size:
+                size *= 0.5
+            done += reached
+            size = min(size, duration - done)
+
+    def _has_ended(self) -> bool:
+        return self._ended.value
+
+    def _reached(self, start: float, size: float, status: int) -> float:
+        """How far the step from `start` came, in [s]: all of it, unless it was discarded or the FMU returned early."""
+        if self.is_fmi2:
+            if status != _DISCARD:
+                return size
+            last, query = ctypes.c_double(start), getattr(self._slave.dll.library, "fmi2GetRealStatus", None)
+            if query is None or query(self._handle, _LAST_SUCCESSFUL_TIME, ctypes.byref(last)) > _WARNING:
+                return 0.0
+            time = last.value
+        else:
+            if status != _DISCARD and not self._early.value:
+                return size
+            time = self._last_time.value
+        return min(max(time - start, 0.0), size) if math.isfinite(time) else 0.0
 
     @property
     def is_running(self) -> bool:
         """Whether it has been started and not failed since."""
         return self._handle is not None
+
+    def has_function(self, name: str) -> bool:
+        """Whether its binary exports this function of the standard."""
+        return hasattr(self._slave.dll.library, name)
 
     def close(self) -> None:
         """Free the instance, unload the library, remove what was unpacked; a second time does nothing."""
@@ -150,36 +232,30 @@ class FmuInstance:
 
     def _bind(self) -> None:
         """Fresh function objects without argument conversion: all arguments are ctypes values already."""
-        library = self._slave.dll
-        if self._is_fmi2:
+        library = self._slave.dll.library
+        if self.is_fmi2:
             self._names = ("fmi2SetReal", "fmi2GetReal", "fmi2DoStep")
         else:
             self._names = ("fmi3SetFloat64", "fmi3GetFloat64", "fmi3DoStep")
         self._set, self._get, self._do_step = (library[name] for name in self._names)
-        self._ended = ctypes.c_bool(False)
-        answers = (ctypes.c_bool(), self._ended, ctypes.c_bool(), ctypes.c_double())
+        self._ended, self._early, self._last_time = ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double()
+        answers = (ctypes.c_bool(), self._ended, self._early, self._last_time)
         self._step_arguments = (
-            (ctypes.c_int(1),) if self._is_fmi2 else (ctypes.c_bool(True), *map(ctypes.pointer, answers))
+            (ctypes.c_int(1),) if self.is_fmi2 else (ctypes.c_bool(True), *map(ctypes.pointer, answers))
         )
 
     def _instantiate(self) -> None:
         messages = self._messages
         messages.clear()
 
-        def log(*arguments: object) -> None:
-            """Both standards' callback: the message comes last."""
-            message = arguments[-1]
-            messages.append(message.decode(errors="replace") if isinstance(message, bytes) else str(message))
+        def log(environment: object, status: int, category: bytes, message: bytes) -> None:
+            messages.append(message.decode(errors="replace"))
 
         try:
             if isinstance(self._slave, FMU2Slave):
-                callbacks = fmi2CallbackFunctions()
-                callbacks.logger = fmi2CallbackLoggerTYPE(log)
-                callbacks.allocateMemory = defaultCallbacks.allocateMemory
-                callbacks.freeMemory = defaultCallbacks.freeMemory
-                self._slave.instantiate(callbacks=callbacks)
+                self._slave.instantiate(callbacks=fmi2_callbacks(messages))
             else:
-                self._slave.instantiate(logMessage=log)
+                self._slave.instantiate(logMessage=log, earlyReturnAllowed=True)
         except Exception as error:  # fmpy raises bare Exception when the FMU returns a null pointer
             raise PlantError(f"{self.path.name}: {error}{self._said()}") from error
         self._handle = ctypes.c_void_p(self._slave.component)  # pyright: ignore[reportArgumentType] (an int, in truth)
@@ -197,22 +273,10 @@ class FmuInstance:
         return "".join(f"; {message}" for message in self._messages)
 
 
-def _load(path: Path, fmu: UnpackedFmu) -> FMU2Slave | FMU3Slave:
-    directory = os.getcwd()
-    try:
-        return (FMU2Slave if fmu.is_fmi2 else FMU3Slave)(
-            guid=fmu.token, unzipDirectory=str(fmu.folder), modelIdentifier=fmu.identifier, instanceName=fmu.name
-        )
-    except Exception as error:  # fmpy raises bare Exception; a missing function is an AttributeError
-        raise InputError(str(path), f"its binary cannot be loaded: {error}") from error
-    finally:
-        os.chdir(directory)  # a load that fails leaves fmpy in the binary's folder
-
-
 def _end(slave: FMU2Slave | FMU3Slave) -> None:
     """Terminate and free the instance, if there is one."""
     if slave.component:
-        with suppress(FMICallException):
+        with suppress(FMICallException, PlantError):
             slave.terminate()
     _free(slave)
 

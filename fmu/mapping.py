@@ -1,13 +1,15 @@
 """Mapping of our signals to the variables of an FMU, read from a TOML file.
 
-[inputs]                                    # what the FMU is told
-steer_angle = { variable = "delta_cmd", scale = 0.017453292519943295 }     # degrees
-target_speed = "v_set"
-[outputs]                                   # what it reports; signals not named keep our own names
-yaw_rate = "psi_dot"
+reference_point = -1.3                      # where the FMU's position is, ahead of the centre of gravity [m]
+estimate = ["yaw_rate", "v_y"]              # what it does not report and is to be worked out from the rest
+[inputs]                                    # what the FMU is told; those not named are not set
+steer_angle = { variable = "HandWheel", unit = "deg", ratio = 16.0, sign = -1 }
+target_speed = { variable = "v_set", unit = "km/h" }
+[outputs]                                   # what it reports; those not named have our own names
+x = "pos.x"
 [start]                                     # parameters that place it, so far as it has such
-v_x = "v0"
-[parameters]
+v_x = { variable = "v0", unit = "km/h" }
+[parameters]                                # in the FMU's own units
 mass = 1500.0
 """
 
@@ -19,11 +21,27 @@ from typing import Any
 
 from sidestep.plant_models.errors import InputError
 
-INPUTS = ("steer_angle", "target_speed")
-"""Signals of `SteeringCommand` that go to the FMU."""
-
 OUTPUTS = ("x", "y", "yaw", "v_x", "v_y", "yaw_rate", "steer_angle")
 """Signals of `VehicleState`, but time, in its order."""
+
+DIMENSIONS = {
+    "x": "length", "y": "length", "yaw": "angle", "v_x": "speed", "v_y": "speed", "yaw_rate": "angular rate",
+    "steer_angle": "angle", "target_speed": "speed", "acceleration": "acceleration", "throttle": "acceleration",
+    "brake": "acceleration",
+}  # fmt: skip
+
+UNITS: dict[str, dict[str, float]] = {
+    "length": {"m": 1.0, "mm": 1e-3, "km": 1e3},
+    "angle": {"rad": 1.0, "deg": math.pi / 180.0},
+    "speed": {"m/s": 1.0, "km/h": 1.0 / 3.6, "mph": 0.44704},
+    "angular rate": {"rad/s": 1.0, "deg/s": math.pi / 180.0},
+    "acceleration": {"m/s2": 1.0, "g": 9.81},
+}
+"""SI units per unit, by dimension."""
+
+INPUTS = ("steer_angle", "target_speed", "acceleration", "throttle", "brake")
+"""Signals that an FMU may be told. The last three follow from the target speed by the speed control of our own
+plants: wanted acceleration, its positive part, its negative part; all in [m/s^2]."""
 
 
 @dataclass(frozen=True)
@@ -34,15 +52,17 @@ class Signal:
         variable: Name in the FMU.
         scale: SI unit per unit of the variable, negative if its sign is turned.
         offset: Value of the signal where the variable is zero, in SI units.
+        limit: Largest magnitude that the variable is given; infinite for none.
     """
 
     variable: str
     scale: float = 1.0
     offset: float = 0.0
+    limit: float = math.inf
 
     def from_signal(self, value: float) -> float:
         """The variable's value for a signal in SI units."""
-        return (value - self.offset) / self.scale
+        return min(max((value - self.offset) / self.scale, -self.limit), self.limit)
 
 
 @dataclass(frozen=True)
@@ -50,10 +70,12 @@ class Mapping:
     """Where each of our signals is found in an FMU; without arguments, by the names of our own FMUs.
 
     Attributes:
-        inputs: By the names in `INPUTS`.
-        outputs: By the names in `OUTPUTS`.
+        inputs: By some of the names in `INPUTS`, the steering among them.
+        outputs: By the names in `OUTPUTS`, but those in `estimate`.
         start: Parameters that set the start value, by some of the names in `OUTPUTS`.
         parameters: Values by variable name, in the FMU's own units.
+        estimate: Outputs that the FMU does not have, see `estimation`.
+        reference_point: Where the FMU's position and velocity are taken, ahead of the centre of gravity, in [m].
     """
 
     inputs: dict[str, Signal] = field(
@@ -62,58 +84,108 @@ class Mapping:
     outputs: dict[str, Signal] = field(default_factory=lambda: {name: Signal(name) for name in OUTPUTS})
     start: dict[str, Signal] = field(default_factory=lambda: {name: Signal(f"{name}_0") for name in OUTPUTS})
     parameters: dict[str, float] = field(default_factory=dict)
+    estimate: tuple[str, ...] = ()
+    reference_point: float = 0.0
+
+    def __post_init__(self) -> None:
+        if "steer_angle" not in self.inputs:
+            raise InputError("inputs", "no steer_angle: nothing steers the car", "steer_angle = ...")
 
     @classmethod
     def from_file(cls, path: str | Path) -> "Mapping":
-        """Read a TOML file; inputs and outputs that it does not name keep our own names.
+        """Read a TOML file.
 
         Raises:
             InputError: The file cannot be read, or a key or value in it cannot be used.
         """
         try:
-            data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-        except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            text = Path(path).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
             problem = error.strerror if isinstance(error, OSError) else str(error)
             raise InputError(str(path), f"{problem}") from error
-        _known(str(path), data, ("inputs", "outputs", "start", "parameters"))
-        ours = cls()
-        return cls(
-            inputs=ours.inputs | _signals(path, data, "inputs", INPUTS),
-            outputs=ours.outputs | _signals(path, data, "outputs", OUTPUTS),
-            start=_signals(path, data, "start", OUTPUTS),
-            parameters={
-                name: _number(f"{path}: parameters.{name}", value)
-                for name, value in _table(path, data, "parameters").items()
-            },
-        )
+        return cls.from_text(text, str(path))
+
+    @classmethod
+    def from_text(cls, text: str, label: str = "mapping") -> "Mapping":
+        """A mapping from TOML text, which errors call `label`.
+
+        Raises:
+            InputError: A key or value in it cannot be used.
+        """
+        try:
+            data = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise InputError(label, str(error)) from error
+        _known(label, data, ("inputs", "outputs", "start", "parameters", "estimate", "reference_point"))
+        ours, missing = cls(), _estimated(label, data.get("estimate", []))
+        outputs = ours.outputs | _signals(label, data, "outputs", OUTPUTS)
+        try:
+            return cls(
+                inputs=_signals(label, data, "inputs", INPUTS) if "inputs" in data else ours.inputs,
+                outputs={name: signal for name, signal in outputs.items() if name not in missing},
+                start=_signals(label, data, "start", OUTPUTS),
+                parameters={
+                    name: _number(f"{label}: parameters.{name}", value, or_bool=True)
+                    for name, value in _table(label, data, "parameters").items()
+                },
+                estimate=missing,
+                reference_point=_number(f"{label}: reference_point", data.get("reference_point", 0.0)),
+            )
+        except InputError as error:
+            raise error if error.where.startswith(label) else InputError(
+                f"{label}: {error.where}", error.problem, error.allowed
+            ) from error  # fmt: skip
 
 
-def _table(path: str | Path, data: dict[str, Any], name: str) -> dict[str, Any]:
+def _estimated(label: str, value: Any) -> tuple[str, ...]:
+    allowed = OUTPUTS[2:]  # the position is what the rest is worked out from
+    if not isinstance(value, list) or any(name not in allowed for name in value):
+        raise InputError(f"{label}: estimate", f"{value!r}", f"a list of {', '.join(allowed)}")
+    return tuple(name for name in OUTPUTS if name in value)
+
+
+def _table(label: str, data: dict[str, Any], name: str) -> dict[str, Any]:
     table = data.get(name, {})
     if not isinstance(table, dict):
-        raise InputError(f"{path}: {name}", f"{table!r} is not a table", f"[{name}]")
+        raise InputError(f"{label}: {name}", f"{table!r} is not a table", f"[{name}]")
     return table
 
 
-def _signals(path: str | Path, data: dict[str, Any], name: str, signals: tuple[str, ...]) -> dict[str, Signal]:
-    table = _table(path, data, name)
-    _known(f"{path}: {name}", table, signals)
-    return {signal: _signal(f"{path}: {name}.{signal}", value) for signal, value in table.items()}
+def _signals(label: str, data: dict[str, Any], name: str, signals: tuple[str, ...]) -> dict[str, Signal]:
+    table = _table(label, data, name)
+    _known(f"{label}: {name}", table, signals)
+    return {signal: _signal(f"{label}: {name}.{signal}", signal, value) for signal, value in table.items()}
 
 
-def _signal(where: str, value: Any) -> Signal:
+def _signal(where: str, name: str, value: Any) -> Signal:
     row = {"variable": value} if isinstance(value, str) else value
     if not isinstance(row, dict) or not isinstance(row.get("variable"), str):
-        raise InputError(where, f"{value!r} names no variable", '"name" or { variable = "name", scale, offset }')
-    _known(where, row, ("variable", "scale", "offset"))
-    scale = _number(f"{where}.scale", row.get("scale", 1.0))
-    if scale == 0.0:
-        raise InputError(f"{where}.scale", "0", "any other number")
-    return Signal(row["variable"], scale, _number(f"{where}.offset", row.get("offset", 0.0)))
+        raise InputError(where, f"{value!r} names no variable", '"name" or { variable = "name", unit, sign, ... }')
+    keys = ("variable", "unit", "sign", "scale", "offset", *(("ratio", "full_lock") if name == "steer_angle" else ()))
+    _known(where, row, keys)
+    numbers = {key: _number(f"{where}.{key}", row[key]) for key in keys[2:] if key in row}
+    for key, number in numbers.items():
+        if key != "offset" and number == 0.0:
+            raise InputError(f"{where}.{key}", "0", "any other number")
+    if numbers.get("sign", 1.0) not in (1.0, -1.0):
+        raise InputError(f"{where}.sign", f"{row['sign']}", "1, -1")
+    scale = numbers.get("sign", 1.0) * numbers.get("scale", 1.0) * _unit(where, name, row.get("unit"))
+    scale *= numbers.get("full_lock", 1.0) / numbers.get("ratio", 1.0)
+    limit = 1.0 if "full_lock" in numbers else math.inf
+    return Signal(row["variable"], scale, numbers.get("offset", 0.0), limit)
 
 
-def _number(where: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+def _unit(where: str, name: str, unit: Any) -> float:
+    units = UNITS[DIMENSIONS[name]]
+    if unit is None:
+        return 1.0
+    if unit not in units:
+        raise InputError(f"{where}.unit", f"{unit!r}", ", ".join(units))
+    return units[unit]
+
+
+def _number(where: str, value: Any, or_bool: bool = False) -> float:
+    if (isinstance(value, bool) and not or_bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise InputError(where, f"{value!r}", "a finite number")
     return float(value)
 

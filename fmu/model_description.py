@@ -1,4 +1,4 @@
-"""modelDescription.xml for FMI 2.0 and FMI 3.0, build description and variable table of a native plant."""
+"""modelDescription.xml for FMI 2.0 and FMI 3.0, build description and variable table of an FMU that we make."""
 
 import html
 from xml.etree import ElementTree
@@ -55,9 +55,9 @@ def _fmi2(model: Model, token: str, sources: list[str]) -> Element:
         generationTool=TOOL, variableNamingConvention="structured", numberOfEventIndicators="0",
     )  # fmt: skip
     interface = SubElement(
-        root, "CoSimulation", modelIdentifier=model.identifier, canHandleVariableCommunicationStepSize="true",
+        root, "CoSimulation", _tool(model), modelIdentifier=model.identifier, canHandleVariableCommunicationStepSize="true",
         canNotUseMemoryManagementFunctions="true", canGetAndSetFMUstate="true", canSerializeFMUstate="true",
-        providesDirectionalDerivative="true",
+        providesDirectionalDerivative=_differentiable(model),
     )  # fmt: skip
     files = SubElement(interface, "SourceFiles")
     for name in sources:
@@ -84,8 +84,9 @@ def _fmi3(model: Model, token: str) -> Element:
         description=model.description, generationTool=TOOL, variableNamingConvention="structured",
     )  # fmt: skip
     SubElement(
-        root, "CoSimulation", modelIdentifier=model.identifier, canHandleVariableCommunicationStepSize="true",
-        canGetAndSetFMUState="true", canSerializeFMUState="true", providesDirectionalDerivatives="true",
+        root, "CoSimulation", _tool(model), modelIdentifier=model.identifier, canHandleVariableCommunicationStepSize="true",
+        canGetAndSetFMUState="true", canSerializeFMUState="true",
+        providesDirectionalDerivatives=_differentiable(model),
     )  # fmt: skip
     _common(root, model)
     variables = SubElement(root, "ModelVariables")
@@ -101,6 +102,14 @@ def _fmi3(model: Model, token: str) -> Element:
     return root
 
 
+def _tool(model: Model) -> dict[str, str]:
+    return {"needsExecutionTool": "true"} if model.needs_tool else {}
+
+
+def _differentiable(model: Model) -> str:
+    return "true" if model.of_kind("derivative") else "false"
+
+
 def _common(root: Element, model: Model) -> None:
     """What both standards write alike: units, log categories, default experiment."""
     units = SubElement(root, "UnitDefinitions")
@@ -110,7 +119,8 @@ def _common(root: Element, model: Model) -> None:
     categories = SubElement(root, "LogCategories")
     for name, description in LOG_CATEGORIES.items():
         SubElement(categories, "Category", name=name, description=description)
-    SubElement(root, "DefaultExperiment", startTime="0", stopTime=str(STOP_TIME), stepSize=str(STEP_SIZE))
+    step = next((row.start for row in model.variables if row.name == "period"), STEP_SIZE)
+    SubElement(root, "DefaultExperiment", startTime="0", stopTime=str(STOP_TIME), stepSize=str(step))
 
 
 def _attributes(row: Variable, reference: int) -> dict[str, str]:
@@ -133,18 +143,19 @@ def _state_of(model: Model, derivative: int) -> int:
 def _structure(model: Model) -> dict[str, list[int]]:
     """Value references in each part of the model structure."""
     parts: dict[str, tuple[Kind, ...]] = {
-        "Outputs": ("state", "output"),
+        "Outputs": ("state", "output", "sampled"),
         "Derivatives": ("derivative",),
-        "InitialUnknowns": ("state", "hidden state", "derivative", "output"),
+        "InitialUnknowns": ("state", "hidden state", "derivative", "output", "sampled"),
     }
     return {name: [reference for reference, _ in model.of_kind(*kinds)] for name, kinds in parts.items()}
 
 
 def _dependencies(model: Model, reference: int, first: int) -> dict[str, str]:
-    """A state depends on itself alone, so that masters see that no input acts on it at once."""
-    if model.variables[reference].kind != "state":
-        return {}
-    return {"dependencies": str(reference + first), "dependenciesKind": "dependent"}
+    """States depend on themselves alone, sampled outputs on nothing: masters see that no input acts on them at once."""
+    kind = model.variables[reference].kind
+    if kind == "sampled":
+        return {"dependencies": ""}
+    return {"dependencies": str(reference + first), "dependenciesKind": "dependent"} if kind == "state" else {}
 
 
 def _text(root: Element) -> bytes:

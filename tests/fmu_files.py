@@ -1,13 +1,15 @@
-"""FMUs for tests: our own, changed in one place."""
+"""FMUs for tests: our own, changed in one place, and one by somebody else."""
 
 import math
 import zipfile
 from dataclasses import astuple
+from pathlib import Path
 
 import fmpy
 import numpy as np
 
-from sidestep.fmu.build import build_fmu, compile_library
+from sidestep.fmu.build import build_fmu, compile_library, source_files
+from sidestep.fmu.plants import MODELS
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle import VehicleParameters
 
@@ -53,3 +55,70 @@ def patched(folder, fmi, old, new):
     file.write_text(file.read_text().replace(old, new))
     compile_library(sources, folder / "binary")
     return changed(build_fmu(fmi=fmi), folder / "patched.fmu", {binary(fmi): (folder / "binary").read_bytes()})
+
+
+FOREIGN_MAP = """
+estimate = ["yaw_rate"]
+[inputs]
+steer_angle = { variable = "HandWheel", unit = "deg", ratio = 16.0, sign = -1 }
+target_speed = { variable = "Cruise.vSet", unit = "km/h" }
+[outputs]
+x = "Pos.x"
+y = "Pos.y"
+yaw = { variable = "Psi", unit = "deg" }
+v_x = { variable = "Car.vx", unit = "km/h" }
+v_y = "Car.vy"
+steer_angle = { variable = "HandWheelAngle", unit = "deg", ratio = 16.0, sign = -1 }
+[start]
+yaw = { variable = "Psi0", unit = "deg" }
+v_x = { variable = "v0", unit = "km/h" }
+[parameters]
+driveMode = 2
+"""
+
+_FOREIGN = (  # name, causality, unit; in value-reference order
+    ("HandWheel", "input", "deg"), ("Cruise.vSet", "input", "km/h"), ("Pos.x", "output", "m"),
+    ("Pos.y", "output", "m"), ("Psi", "output", "deg"), ("Car.vx", "output", "km/h"), ("Car.vy", "output", "m/s"),
+    ("HandWheelAngle", "output", "deg"), ("Psi0", "parameter", "deg"), ("v0", "parameter", "km/h"),
+)  # fmt: skip
+
+
+def foreign_fmu(folder):
+    """Somebody else's car as an FMU, see foreign_car.c, and the mapping file for it."""
+    sources, model = folder / "foreign", MODELS["single-track"]
+    sources.mkdir()
+    for name, data in source_files(model).items():
+        if name in ("single_track.c", "car.c") or name.endswith(".h"):
+            (sources / name).write_bytes(data)
+    starts = ", ".join(f"{{{row.constant}, {row.start!r}}}" for row in model.variables if row.start is not None)
+    code = Path(__file__).with_name("foreign_car.c").read_text().replace("START_VALUES", f"{{{starts}}}")
+    (sources / "foreign_car.c").write_text(code)
+    compile_library(sources, sources / "binary", ("-fvisibility=default",))
+    file, table = folder / "foreign.fmu", folder / "foreign.toml"
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("modelDescription.xml", _foreign_description())
+        archive.write(sources / "binary", f"binaries/{fmpy.platform}/car{fmpy.sharedLibraryExtension}")
+    table.write_text(FOREIGN_MAP)
+    return file, table
+
+
+def _foreign_description():
+    starts = {"input": ' start="0"', "parameter": ' start="0"', "output": ""}
+    variability = {"input": "continuous", "parameter": "fixed", "output": "continuous"}
+    rows = "".join(
+        f'<ScalarVariable name="{name}" valueReference="{k}" causality="{kind}" variability="{variability[kind]}">'
+        f'<Real unit="{unit}"{starts[kind]}/></ScalarVariable>'
+        for k, (name, kind, unit) in enumerate(_FOREIGN)
+    )
+    outputs = "".join(f'<Unknown index="{k + 1}"/>' for k, row in enumerate(_FOREIGN) if row[1] == "output")
+    units = "".join(f'<Unit name="{unit}"/>' for unit in sorted({row[2] for row in _FOREIGN}))
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n'
+        '<fmiModelDescription fmiVersion="2.0" modelName="Foreign car" guid="1">'
+        f'<CoSimulation modelIdentifier="car"/><UnitDefinitions>{units}</UnitDefinitions>'
+        f'<DefaultExperiment stepSize="0.01"/><ModelVariables>{rows}'
+        '<ScalarVariable name="driveMode" valueReference="10" causality="parameter" variability="fixed">'
+        '<Integer start="0"/></ScalarVariable></ModelVariables>'
+        f"<ModelStructure><Outputs>{outputs}</Outputs><InitialUnknowns>{outputs}</InitialUnknowns></ModelStructure>"
+        "</fmiModelDescription>"
+    )

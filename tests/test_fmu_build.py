@@ -16,7 +16,8 @@ from fmpy.validation import validate_fmu
 
 from sidestep.fmu import build
 from sidestep.fmu.build import CompilerError, build_fmu, compile_library
-from sidestep.fmu.variables import ATTRIBUTES, MODELS, UNITS, vehicle_values
+from sidestep.fmu.plants import MODELS, vehicle_values
+from sidestep.fmu.variables import ATTRIBUTES, UNITS
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.vehicle import VehicleParameters
 
@@ -81,7 +82,8 @@ def test_every_derivative_belongs_to_the_state_of_its_name(fmu):
 
 def test_start_values_are_those_of_the_preset():
     car = vehicle_values(VehicleParameters.preset("bmw-320i"))
-    assert {row.name: row.start for row in MODEL.variables if row.name in car} == car
+    starts = {row.name: row.start for model in MODELS.values() for row in model.variables if row.name in car}
+    assert starts == car
 
 
 def test_units_carry_their_exponents(fmu, fmi):

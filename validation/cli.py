@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from sidestep.plant_models.errors import InputError, PlantError
+from sidestep.validation.fmu_commands import add_fmu
 
 BAD_INPUT, INTERRUPTED = 2, 130
 
@@ -48,7 +49,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=version("sidestep"))
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for add in (_add_demo, _add_run, _add_scenarios, _add_bench):
+    for add in (_add_demo, _add_run, _add_scenarios, _add_bench, add_fmu):
         add(commands)
     return parser
 
@@ -64,6 +65,10 @@ def _add_run(commands: argparse._SubParsersAction) -> None:
     run.add_argument("scenario", metavar="SCENARIO", help="a name that `sidestep scenarios` lists, or a TOML file")
     run.add_argument("--plant", metavar="PLANT", help="linear, single-track, mujoco, or an .fmu file")
     run.add_argument("--map", type=Path, metavar="MAP.toml", help="mapping file of an FMU that is not ours")
+    run.add_argument(
+        "--isolate", type=float, nargs="?", const=5.0, metavar="SECONDS",
+        help="run an FMU in a process of its own, with this time limit a step (default: %(const)s)",
+    )  # fmt: skip
     run.add_argument("--can", default="auto", metavar="BUS", help="auto (default), off, or INTERFACE:CHANNEL")
     run.add_argument("--allow-real-bus", action="store_true", help="let that bus reach hardware")
     run.add_argument(
@@ -116,7 +121,8 @@ def _run(options: argparse.Namespace) -> int:
     from sidestep.validation.runs import drive
     from sidestep.validation.scenario import load_scenario
 
-    scenario = load_scenario(options.scenario, [*options.overrides, *_plant_overrides(options)])
+    isolated = [] if options.isolate is None else [f"plant.isolate={options.isolate}"]
+    scenario = load_scenario(options.scenario, [*options.overrides, *_plant_overrides(options), *isolated])
     folder = options.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{scenario.name}"
     with progress_bar(f"{scenario.name} on {scenario.plant.name}", scenario.duration) as progress:
         run = drive(

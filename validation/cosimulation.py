@@ -188,7 +188,8 @@ class _Run:
         steps = np.array(self.steps, dtype=float).reshape(-1, len(STEP_UNITS))
         columns = dict(zip(STEP_UNITS, steps.T, strict=True))
         contact = bool(getattr(self.plant, "collided", False))
-        return Recording(samples, columns, tuple(self.plans), end, error, wall_time, contact)
+        estimated = tuple(getattr(self.plant, "estimated", ()))
+        return Recording(samples, columns, tuple(self.plans), end, error, wall_time, contact, estimated)
 
 
 def _finite(state: VehicleState) -> VehicleState:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Self
 
@@ -31,6 +32,8 @@ def _bare_plant(scenario: Scenario) -> Plant:
     settings, vehicle = scenario.plant, scenario.vehicle
     if settings.map and not settings.kind.endswith(".fmu"):
         raise InputError("plant.map", f"{settings.map!r} without an FMU", "only with an .fmu file as plant")
+    if settings.isolate and not settings.kind.endswith(".fmu"):
+        raise InputError("plant.isolate", f"{settings.isolate} without an FMU", "only with an .fmu file as plant")
     if settings.kind != "mujoco":
         _require_plain_road(settings)
     if settings.kind == "linear":
@@ -52,8 +55,10 @@ def _bare_plant(scenario: Scenario) -> Plant:
         )  # fmt: skip
     if settings.kind.endswith(".fmu"):
         from sidestep.fmu.fmu_plant import FmuPlant
+        from sidestep.fmu.isolation import IsolatedPlant
 
-        return FmuPlant.from_file(Path(settings.kind), Path(settings.map) if settings.map else None, vehicle)
+        build = partial(FmuPlant.from_file, Path(settings.kind), Path(settings.map) if settings.map else None, vehicle)
+        return IsolatedPlant(build, settings.isolate) if settings.isolate else build()
     problem = f"unknown plant {settings.kind!r}{did_you_mean(settings.kind, PLANT_KINDS)}"
     raise InputError("plant.kind", problem, f"{', '.join(PLANT_KINDS)}, or an .fmu file")
 
@@ -85,6 +90,11 @@ class MisalignedSteering:
     def collided(self) -> bool:
         """Whether the plant behind says that it touched an obstacle."""
         return bool(getattr(self.plant, "collided", False))
+
+    @property
+    def estimated(self) -> tuple[str, ...]:
+        """Signals that the plant behind does not report."""
+        return tuple(getattr(self.plant, "estimated", ()))
 
     def close(self) -> None:
         """Close the plant behind."""

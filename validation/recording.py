@@ -77,6 +77,7 @@ class Recording:
         error: What was raised, if that ended it.
         wall_time: Real time that the loop took, in [s].
         contact: Whether the plant says that it touched an obstacle (its attribute `collided`, if it has one).
+        estimated: Samples that the plant does not report but estimates (its attribute `estimated`, if it has one).
     """
 
     samples: Mapping[str, Array]
@@ -86,9 +87,15 @@ class Recording:
     error: BaseException | None = None
     wall_time: float = 0.0
     contact: bool = False
+    estimated: tuple[str, ...] = ()
 
     def __getitem__(self, column: str) -> Array:
         return self.samples[column]
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Of `samples`; those that the plant estimates are marked."""
+        return {name: f"{unit}, estimated" if name in self.estimated else unit for name, unit in SAMPLE_UNITS.items()}
 
     @property
     def infeasible_steps(self) -> int:

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from sidestep.validation.comparison import Line, compared_signals, compared_top_view
 from sidestep.validation.console import HEADS, cells, number, row_name
 from sidestep.validation.files import write_text, written_to
-from sidestep.validation.recording import SAMPLE_UNITS, STEP_UNITS, write_columns
+from sidestep.validation.recording import STEP_UNITS, write_columns
 from sidestep.validation.runs import Run
 from sidestep.validation.signals_figure import signals_figure
 from sidestep.validation.style import BLUE, GREEN, ORANGE, PURPLE, svg
@@ -30,7 +30,7 @@ def write_run(run: Run) -> None:
         InputError: The folder cannot be written to.
     """
     with written_to(run.folder):
-        write_columns(run.folder / "recording.csv", run.recording.samples, SAMPLE_UNITS)
+        write_columns(run.folder / "recording.csv", run.recording.samples, run.recording.units)
         write_columns(run.folder / "steps.csv", run.recording.steps, STEP_UNITS)
         write_text(run.folder / "summary.json", strict_json(run.summary))
         write_text(run.folder / "report.html", run_report(run))

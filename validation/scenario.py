@@ -37,7 +37,9 @@ class PlantSettings:
         grade, bank: Rise of its road per metre along x and along y.
         patches: Patches of other friction on its road; tables of `FrictionPatch` in the file.
         map: Mapping file (TOML) of an FMU that is not ours; empty for none.
-        steer_offset: Added to every commanded road-wheel angle, in [rad]: a misaligned steering.
+        steer_offset: Added to every commanded road-wheel angle, in [rad]: a misaligned steering, which the
+            reported angle does not show.
+        isolate: Time limit of a step of an FMU that runs in a process of its own, in [s]; 0 to run it here.
     """
 
     kind: str = "mujoco"
@@ -48,6 +50,7 @@ class PlantSettings:
     patches: tuple[Any, ...] = ()
     map: str = ""
     steer_offset: float = 0.0
+    isolate: Annotated[float, Meta(ge=0.0)] = 0.0
 
     @property
     def name(self) -> str:

@@ -31,6 +31,7 @@ def summarise(scenario: Scenario, recording: Recording, judgement: Judgement, **
     return {
         "scenario": scenario.name,
         "plant": scenario.plant.name,
+        "estimated_signals": list(recording.estimated),
         "preset": scenario.controller_preset,
         "verdict": "pass" if judgement.passed else "fail",
         "label": judgement.label,

@@ -4,10 +4,9 @@
 
 static void log_message(const Instance *instance, Status status, const char *message) {
     fmi2CallbackLogger logger = (fmi2CallbackLogger)instance->host_log;
-    /* The message is the format: it holds no per cent sign. */
     if (logger)
         logger(instance->host, instance->name, (fmi2Status)status,
-               status == WARNING ? "logStatusWarning" : "logStatusError", message);
+               status == WARNING ? "logStatusWarning" : "logStatusError", "%s", message);
 }
 
 static fmi2Status refuse(fmi2Component c, const char *function) {
@@ -27,9 +26,9 @@ fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean on, size_t n, const 
 
 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, fmi2String resources,
                               const fmi2CallbackFunctions *callbacks, fmi2Boolean visible, fmi2Boolean logging) {
-    (void)resources, (void)visible, (void)logging;
+    (void)visible, (void)logging;
     if (type != fmi2CoSimulation) return NULL;
-    return instance_create(name, guid, log_message, callbacks ? (void (*)(void))callbacks->logger : NULL,
+    return instance_create(name, guid, resources, log_message, callbacks ? (void (*)(void))callbacks->logger : NULL,
                            callbacks ? callbacks->componentEnvironment : NULL);
 }
 
@@ -82,8 +81,8 @@ fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state) {
     return fmi2OK;
 }
 fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size) {
-    (void)c, (void)state;
-    *size = sizeof(Data);
+    if (!state) return (fmi2Status)report(c, ERROR, "there is no state");
+    *size = state_size(state);
     return fmi2OK;
 }
 fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {

@@ -28,9 +28,9 @@ fmi3Instance fmi3InstantiateCoSimulation(
     fmi3Boolean event_mode_used, fmi3Boolean early_return_allowed, const fmi3ValueReference intermediate[],
     size_t n_intermediate, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
     fmi3IntermediateUpdateCallback update) {
-    (void)resources, (void)visible, (void)logging, (void)event_mode_used, (void)early_return_allowed;
+    (void)visible, (void)logging, (void)event_mode_used, (void)early_return_allowed;
     (void)intermediate, (void)n_intermediate, (void)update;
-    return instance_create(name, token, log_message, (void (*)(void))log, environment);
+    return instance_create(name, token, resources, log_message, (void (*)(void))log, environment);
 }
 
 fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resources,
@@ -108,8 +108,8 @@ fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *state) {
     return fmi3OK;
 }
 fmi3Status fmi3SerializedFMUStateSize(fmi3Instance c, fmi3FMUState state, size_t *size) {
-    (void)c, (void)state;
-    *size = sizeof(Data);
+    if (!state) return (fmi3Status)report(c, ERROR, "there is no state");
+    *size = state_size(state);
     return fmi3OK;
 }
 fmi3Status fmi3SerializeFMUState(fmi3Instance c, fmi3FMUState state, fmi3Byte bytes[], size_t size) {

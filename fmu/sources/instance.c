@@ -1,16 +1,15 @@
 #include <stdarg.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include "instance.h"
 
-static const Variable VARIABLES[N_VARIABLES] = VARIABLE_ROWS;
+const Variable VARIABLES[N_VARIABLES] = VARIABLE_ROWS;
 
 static const char *const MODES[] = {"before initialisation", "during initialisation", "between steps",
                                     "after termination"};
 
 Status report(const Instance *instance, Status status, const char *format, ...) {
-    char message[256];
+    char message[1024];
     va_list arguments;
     va_start(arguments, format);
     vsnprintf(message, sizeof message, format, arguments);
@@ -26,7 +25,7 @@ void instance_reset(Instance *instance) {
     instance->data.stale = 1;
 }
 
-Instance *instance_create(const char *name, const char *token,
+Instance *instance_create(const char *name, const char *token, const char *resources,
                           void (*log)(const Instance *, Status, const char *), void (*host_log)(void), void *host) {
     Instance *instance = calloc(1, sizeof *instance);
     if (!instance) return NULL;
@@ -41,21 +40,28 @@ Instance *instance_create(const char *name, const char *token,
         return NULL;
     }
     instance_reset(instance);
+    if (engine_open(instance, resources)) {
+        instance_free(instance);
+        return NULL;
+    }
     return instance;
 }
 
 void instance_free(Instance *instance) {
     if (!instance) return;
+    engine_close(instance);
     free(instance->name);
     free(instance);
 }
 
+static Status refresh(Instance *instance) { return instance->data.stale ? engine_refresh(instance) : OK; }
+
 Status change_mode(Instance *instance, Mode from, Mode to, const char *function) {
     if (instance->data.mode != (int64_t)from)
         return report(instance, ERROR, "%s must not be called %s", function, MODES[instance->data.mode]);
-    if (from == INITIALISING) model_initialise(instance->data.values);
-    instance->data.mode = to;
-    return OK;
+    Status status = from == INITIALISING ? refresh(instance) : OK;
+    if (status <= WARNING) instance->data.mode = to;
+    return status;
 }
 
 Status start_time(Instance *instance, double time) {
@@ -64,25 +70,18 @@ Status start_time(Instance *instance, double time) {
     return OK;
 }
 
-static Status check_references(const Instance *instance, const uint32_t references[], size_t n) {
+Status check_references(const Instance *instance, const uint32_t references[], size_t n) {
     for (size_t i = 0; i < n; i++)
         if (references[i] >= N_VARIABLES)
             return report(instance, ERROR, "there is no variable with value reference %u", (unsigned)references[i]);
     return OK;
 }
 
-static void refresh(Data *data) {
-    if (!data->stale) return;
-    if (data->mode < STEPPING) model_initialise(data->values);
-    model_evaluate(data->values);
-    data->stale = 0;
-}
-
 Status get_values(Instance *instance, const uint32_t references[], size_t n, double values[]) {
     if (check_references(instance, references, n)) return ERROR;
-    refresh(&instance->data);
+    Status status = refresh(instance);
     for (size_t i = 0; i < n; i++) values[i] = instance->data.values[references[i]];
-    return OK;
+    return status;
 }
 
 /* OK, WARNING: keep the value there is, ERROR. */
@@ -114,76 +113,61 @@ Status set_values(Instance *instance, const uint32_t references[], size_t n, con
 
 Status do_step(Instance *instance, double time, double duration) {
     Data *data = &instance->data;
-    double before[N_VARIABLES], now = data->values[TIME];
+    double now = data->values[TIME];
     if (data->mode != STEPPING)
         return report(instance, ERROR, "doStep must not be called %s", MODES[data->mode]);
     if (!(isfinite(duration) && duration > 0.0))
         return report(instance, ERROR, "the communication step must be positive, not %g s", duration);
     if (!(fabs(time - now) <= 1e-6 * (1.0 + fabs(time))))
         return report(instance, ERROR, "the step starts at %.9g s, but the model is at %.9g s", time, now);
-    memcpy(before, data->values, sizeof before);
+    data->values[TIME] = time; /* as the host counts it */
+    Status status = engine_step(instance, time, duration);
+    if (status > WARNING) return status;
     data->values[TIME] = time + duration;
-    model_advance(data->values, duration);
-    for (int i = FIRST_STATE; i < FIRST_STATE + N_STATES; i++) {
-        if (isfinite(data->values[i])) continue;
-        memcpy(data->values, before, sizeof before);
-        return report(instance, DISCARD, "%s diverged within the step from %.9g s", VARIABLES[i].name, time);
-    }
-    data->stale = 1;
+    data->moved = 1;
+    return status;
+}
+
+static Status copy_state(const Instance *instance, State **target, const Data *data, const void *memory, size_t size) {
+    State *copy = realloc(*target, sizeof(State) + size);
+    if (!copy) return report(instance, ERROR, "no memory for a state");
+    *target = copy;
+    copy->data = *data;
+    copy->size = size;
+    if (size) memcpy(copy->memory, memory, size);
     return OK;
 }
 
-Status save_state(const Instance *instance, void **state) {
-    if (!*state) *state = malloc(sizeof(Data));
-    if (!*state) return report(instance, ERROR, "no memory for a state");
-    memcpy(*state, &instance->data, sizeof(Data));
-    return OK;
+size_t state_size(const void *state) { return sizeof(State) + (size_t)((const State *)state)->size; }
+
+Status save_state(Instance *instance, void **state) {
+    const void *memory = NULL;
+    size_t size = 0;
+    Status status = engine_save(instance, &memory, &size);
+    return status ? status : copy_state(instance, (State **)state, &instance->data, memory, size);
 }
 
 Status restore_state(Instance *instance, const void *state) {
-    if (!state) return report(instance, ERROR, "there is no state to restore");
-    memcpy(&instance->data, state, sizeof(Data));
-    return OK;
+    const State *saved = state;
+    if (!saved) return report(instance, ERROR, "there is no state to restore");
+    Status status = engine_restore(instance, saved->memory, (size_t)saved->size);
+    if (status == OK) instance->data = saved->data;
+    return status;
 }
 
 Status serialise(const Instance *instance, const void *state, void *bytes, size_t size) {
-    if (!state || size < sizeof(Data)) return report(instance, ERROR, "a state needs %u bytes", (unsigned)sizeof(Data));
-    memcpy(bytes, state, sizeof(Data));
+    if (!state) return report(instance, ERROR, "there is no state to serialise");
+    if (size < state_size(state))
+        return report(instance, ERROR, "the state needs %lu bytes", (unsigned long)state_size(state));
+    memcpy(bytes, state, state_size(state));
     return OK;
 }
 
 Status deserialise(const Instance *instance, const void *bytes, size_t size, void **state) {
-    if (size != sizeof(Data) || memcmp(bytes, instance->data.token, sizeof instance->data.token) != 0)
+    State head;
+    if (size >= sizeof(State)) memcpy(&head, bytes, sizeof(State));
+    if (size < sizeof(State) || size - sizeof(State) != head.size ||
+        memcmp(head.data.token, instance->data.token, sizeof head.data.token) != 0)
         return report(instance, ERROR, "the serialised state was made by another build");
-    if (!*state) *state = malloc(sizeof(Data));
-    if (!*state) return report(instance, ERROR, "no memory for a state");
-    memcpy(*state, bytes, sizeof(Data));
-    return OK;
-}
-
-/* d unknown / d known by the five-point stencil, exact for polynomials of degree four. */
-static void add_column(const Data *data, const uint32_t unknowns[], size_t n, uint32_t known, double seed,
-                       double sensitivity[]) {
-    static const double OFFSET[] = {-2.0, -1.0, 1.0, 2.0}, WEIGHT[] = {1.0, -8.0, 8.0, -1.0};
-    double magnitude = fabs(data->values[known]), h = 1e-4 * (magnitude > 1.0 ? magnitude : 1.0);
-    for (int k = 0; k < 4; k++) {
-        double v[N_VARIABLES];
-        memcpy(v, data->values, sizeof v);
-        v[known] += OFFSET[k] * h;
-        model_evaluate(v);
-        for (size_t i = 0; i < n; i++) sensitivity[i] += seed * WEIGHT[k] * v[unknowns[i]] / (12.0 * h);
-    }
-}
-
-Status directional_derivative(Instance *instance, const uint32_t unknowns[], size_t n_unknowns,
-                              const uint32_t knowns[], size_t n_knowns, const double seed[], double sensitivity[]) {
-    if (check_references(instance, unknowns, n_unknowns) || check_references(instance, knowns, n_knowns)) return ERROR;
-    for (size_t j = 0; j < n_knowns; j++)
-        if (VARIABLES[knowns[j]].kind == DERIVATIVE_KIND || VARIABLES[knowns[j]].kind == OUTPUT_KIND)
-            return report(instance, ERROR, "%s is not a known", VARIABLES[knowns[j]].name);
-    refresh(&instance->data);
-    for (size_t i = 0; i < n_unknowns; i++) sensitivity[i] = 0.0;
-    for (size_t j = 0; j < n_knowns; j++)
-        add_column(&instance->data, unknowns, n_unknowns, knowns[j], seed[j], sensitivity);
-    return OK;
+    return copy_state(instance, (State **)state, &head.data, (const char *)bytes + sizeof(State), (size_t)head.size);
 }

@@ -4,18 +4,40 @@
 
 #include <stddef.h>
 #include <stdint.h>
-#include "model.h"
+#include <math.h>
+#include <stdlib.h>
+#include "variables.h"
 
-typedef enum { OK, WARNING, DISCARD, ERROR } Status;
+typedef enum { OK, WARNING, DISCARD, ERROR, FATAL } Status;
 typedef enum { INSTANTIATED, INITIALISING, STEPPING, TERMINATED } Mode;
+typedef enum {
+    TIME_KIND, INPUT_KIND, STATE_KIND, HIDDEN_STATE_KIND, DERIVATIVE_KIND, OUTPUT_KIND, SAMPLED_KIND, TUNABLE_KIND,
+    FIXED_KIND
+} Kind;
 
-/* Everything that a state save has to keep, without padding: saved, restored and serialised by memcpy. */
+typedef struct {
+    const char *name;
+    Kind kind;
+    double start;
+    double minimum;
+} Variable;
+
+extern const Variable VARIABLES[N_VARIABLES];
+
 typedef struct {
     char token[40];
     int64_t mode;
     int64_t stale; /* outputs do not yet belong to the other values */
+    int64_t moved; /* a step has been made */
     double values[N_VARIABLES];
 } Data;
+
+/* What a state save keeps, without padding: saved, restored and serialised by memcpy. */
+typedef struct {
+    Data data;
+    uint64_t size;
+    unsigned char memory[]; /* what the engine keeps beside the values */
+} State;
 
 typedef struct Instance Instance;
 struct Instance {
@@ -24,10 +46,11 @@ struct Instance {
     void (*log)(const Instance *instance, Status status, const char *message);
     void (*host_log)(void); /* the host's function, cast back by `log` */
     void *host;
+    void *engine;
 };
 
-/* NULL if the token belongs to another build or memory is short; the reason is logged. */
-Instance *instance_create(const char *name, const char *token,
+/* NULL if the token belongs to another build, memory is short or the engine does not start; the reason is logged. */
+Instance *instance_create(const char *name, const char *token, const char *resources,
                           void (*log)(const Instance *, Status, const char *), void (*host_log)(void), void *host);
 void instance_free(Instance *instance);
 void instance_reset(Instance *instance);
@@ -43,12 +66,28 @@ Status get_values(Instance *instance, const uint32_t references[], size_t n, dou
 Status set_values(Instance *instance, const uint32_t references[], size_t n, const double values[]);
 Status do_step(Instance *instance, double time, double duration);
 
-Status save_state(const Instance *instance, void **state);
+Status save_state(Instance *instance, void **state);
 Status restore_state(Instance *instance, const void *state);
 Status serialise(const Instance *instance, const void *state, void *bytes, size_t size);
 Status deserialise(const Instance *instance, const void *bytes, size_t size, void **state);
 
-/* sensitivity = d unknowns / d knowns * seed, by fourth-order central differences of the core. */
+Status check_references(const Instance *instance, const uint32_t references[], size_t n);
+size_t state_size(const void *state);
+
+/* The rest is by the engine: plant.c, or process.c for the controller. */
+
+Status engine_open(Instance *instance, const char *resources);
+void engine_close(Instance *instance);
+
+/* Makes the outputs belong to the other values, so far as the mode allows; clears `stale`. */
+Status engine_refresh(Instance *instance);
+Status engine_step(Instance *instance, double time, double duration);
+
+/* Memory beside the values, valid until the next call; and back again. */
+Status engine_save(Instance *instance, const void **memory, size_t *size);
+Status engine_restore(Instance *instance, const void *memory, size_t size);
+
+/* sensitivity = d unknowns / d knowns * seed. */
 Status directional_derivative(Instance *instance, const uint32_t unknowns[], size_t n_unknowns,
                               const uint32_t knowns[], size_t n_knowns, const double seed[], double sensitivity[]);
 

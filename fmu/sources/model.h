@@ -1,20 +1,9 @@
-/* What a plant core offers to the FMI wrapper. All values live in one array, indexed by value reference. */
+/* What a plant core offers to plant.c. All values live in one array, indexed by value reference. */
 #ifndef MODEL_H
 #define MODEL_H
 
 #include <math.h>
 #include "variables.h"
-
-typedef enum {
-    TIME_KIND, INPUT_KIND, STATE_KIND, HIDDEN_STATE_KIND, DERIVATIVE_KIND, OUTPUT_KIND, TUNABLE_KIND, FIXED_KIND
-} Kind;
-
-typedef struct {
-    const char *name;
-    Kind kind;
-    double start;
-    double minimum;
-} Variable;
 
 /* States from the start parameters. */
 void model_initialise(double v[]);

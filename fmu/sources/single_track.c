@@ -2,15 +2,12 @@
  *
  * Signs after ISO 8855: x forward, y left. A positive slip angle makes a force to the left.
  */
-#include "model.h"
-
-enum { N_INTEGRATED = STEER_ANGLE - FIRST_STATE }; /* the steering actuator is solved exactly instead */
+#include "car.h"
 
 static const double TYRE_RESERVE = 0.9;       /* braking and driving take no more than this part of the peak */
 static const double STANDSTILL_SPEED = 1.0;   /* carcass damping fades out until this speed [m/s] */
 static const double STANDSTILL_DAMPING = 0.05; /* [s] */
 static const double SLIDING_SPEED = 60.0;     /* keeps the rate of slip below (V + this) / sigma [m/s] */
-static const double HOLD_SPEED = 0.1;         /* below, the brakes hold the car [m/s] */
 
 typedef struct {
     double force, peak, steepness; /* steepness = cornering stiffness / peak */
@@ -24,12 +21,6 @@ typedef struct {
     Axle front, rear;
     double acceleration_x, acceleration_y;
 } Motion;
-
-static double clip(double value, double low, double high) {
-    return value < low ? low : value > high ? high : value;
-}
-
-static double larger(double a, double b) { return a > b ? a : b; }
 
 /* Peak factor of one tyre at this load; the guard is the one of plant_models/tyre.py. */
 static double peak_factor(double at_nominal, double change, double load, const double v[]) {
@@ -76,8 +67,7 @@ static Motion motion(const double v[], const double s[], double steer_angle) {
     double v_x = s[V_X - FIRST_STATE], v_y = s[V_Y - FIRST_STATE], r = s[YAW_RATE - FIRST_STATE];
     double delta = steer_angle + v[STEER_OFFSET], c = cos(delta), d = sin(delta);
     double grip = TYRE_RESERVE * v[TYRE_P_DX1] * v[FRICTION] * GRAVITY;
-    double a_x = clip(v[SPEED_GAIN] * (larger(v[TARGET_SPEED], 0.0) - v_x), -v[MAX_BRAKING], v[MAX_ACCELERATION]);
-    a_x = clip(a_x, -grip, grip);
+    double a_x = clip(asked_acceleration(v, v_x), -grip, grip);
     double load_f = clip((weight * v[L_R] - m * a_x * v[CG_HEIGHT]) / wheelbase, 0.0, weight);
     double load_r = weight - load_f;
     double front_y = v_y + v[L_F] * r, rear_y = v_y - v[L_R] * r;
@@ -94,13 +84,10 @@ static Motion motion(const double v[], const double s[], double steer_angle) {
     return result;
 }
 
-static Motion derivatives(const double v[], const double s[], double steer_angle, double rate[]) {
+static Motion moving(const double v[], const double s[], double steer_angle, double rate[]) {
     Motion now = motion(v, s, steer_angle);
-    double c = cos(s[YAW - FIRST_STATE]), d = sin(s[YAW - FIRST_STATE]);
     double v_x = s[V_X - FIRST_STATE], v_y = s[V_Y - FIRST_STATE], r = s[YAW_RATE - FIRST_STATE];
-    rate[X - FIRST_STATE] = v_x * c - v_y * d;
-    rate[Y - FIRST_STATE] = v_x * d + v_y * c;
-    rate[YAW - FIRST_STATE] = r;
+    pose_rates(s, rate);
     rate[V_X - FIRST_STATE] = now.acceleration_x + v_y * r;
     rate[V_Y - FIRST_STATE] = now.acceleration_y - v_x * r;
     rate[YAW_RATE - FIRST_STATE] = (v[L_F] * now.front.force_y - v[L_R] * now.rear.force_y) / v[YAW_INERTIA];
@@ -109,51 +96,12 @@ static Motion derivatives(const double v[], const double s[], double steer_angle
     return now;
 }
 
-/* Steering actuator after t seconds: rate limit until the lag asks for less, then exponential. Exact. */
-static double steered(const double v[], double start, double t) {
-    double command = clip(v[STEER_ANGLE_COMMAND], -v[STEER_LIMIT], v[STEER_LIMIT]);
-    double lag = v[STEER_TIME_CONSTANT], rate = v[STEER_RATE_LIMIT];
-    double error = command - start, limited = larger(fabs(error) - lag * rate, 0.0);
-    if (limited >= rate * t) return start + (error > 0.0 ? rate * t : -rate * t);
-    if (lag <= 0.0) return command;
-    double rest = error > 0.0 ? fabs(error) - limited : limited - fabs(error);
-    return command - rest * exp(-(t - (limited > 0.0 ? limited / rate : 0.0)) / lag);
-}
-
-static double steer_rate(const double v[]) {
-    double error = clip(v[STEER_ANGLE_COMMAND], -v[STEER_LIMIT], v[STEER_LIMIT]) - v[STEER_ANGLE];
-    double rate = v[STEER_RATE_LIMIT];
-    if (v[STEER_TIME_CONSTANT] > 0.0) return clip(error / v[STEER_TIME_CONSTANT], -rate, rate);
-    return error > 0.0 ? rate : error < 0.0 ? -rate : 0.0;
-}
-
-/* One step of the classical fourth-order Runge-Kutta method. */
-static void runge_kutta(double v[], double h) {
-    double k1[N_INTEGRATED], k2[N_INTEGRATED], k3[N_INTEGRATED], k4[N_INTEGRATED], s[N_INTEGRATED];
-    double *x = v + FIRST_STATE, start = v[STEER_ANGLE];
-    double middle = steered(v, start, h / 2.0), end = steered(v, start, h);
-    derivatives(v, x, start, k1);
-    for (int i = 0; i < N_INTEGRATED; i++) s[i] = x[i] + h / 2.0 * k1[i];
-    derivatives(v, s, middle, k2);
-    for (int i = 0; i < N_INTEGRATED; i++) s[i] = x[i] + h / 2.0 * k2[i];
-    derivatives(v, s, middle, k3);
-    for (int i = 0; i < N_INTEGRATED; i++) s[i] = x[i] + h * k3[i];
-    derivatives(v, s, end, k4);
-    for (int i = 0; i < N_INTEGRATED; i++) x[i] += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]);
-    v[STEER_ANGLE] = end;
-}
-
-void model_advance(double v[], double duration) {
-    double steps = larger(ceil(duration / v[INTERNAL_STEP] - 1e-9), 1.0), h = duration / steps;
-    for (double k = 0.0; k < steps; k += 1.0) {
-        int rolled_forward = v[V_X] >= 0.0;
-        runge_kutta(v, h);
-        if (rolled_forward && v[V_X] < 0.0 && v[V_X] * v[V_X] + v[V_Y] * v[V_Y] < HOLD_SPEED * HOLD_SPEED) v[V_X] = 0.0;
-    }
+void model_rates(const double v[], const double s[], double steer_angle, double rate[]) {
+    moving(v, s, steer_angle, rate);
 }
 
 void model_evaluate(double v[]) {
-    Motion now = derivatives(v, v + FIRST_STATE, v[STEER_ANGLE], v + DER_X);
+    Motion now = moving(v, v + FIRST_STATE, v[STEER_ANGLE], v + DER_X);
     v[DER_STEER_ANGLE] = steer_rate(v);
     v[LATERAL_ACCELERATION] = now.acceleration_y;
     v[FRONT_SLIP_ANGLE] = now.front.slip_angle;
@@ -167,13 +115,7 @@ static double settled(double u, double w) {
 }
 
 void model_initialise(double v[]) {
-    v[X] = v[X_0];
-    v[Y] = v[Y_0];
-    v[YAW] = v[YAW_0];
-    v[V_X] = v[V_X_0];
-    v[V_Y] = v[V_Y_0];
-    v[YAW_RATE] = v[YAW_RATE_0];
-    v[STEER_ANGLE] = v[STEER_ANGLE_0];
+    place(v);
     double delta = v[STEER_ANGLE] + v[STEER_OFFSET], c = cos(delta), d = sin(delta);
     double front_y = v[V_Y] + v[L_F] * v[YAW_RATE], rear_y = v[V_Y] - v[L_R] * v[YAW_RATE];
     v[FRONT_SLIP] = settled(v[V_X] * c + front_y * d, front_y * c - v[V_X] * d);

@@ -1,0 +1,158 @@
+"""A plant in a process of its own: what crashes or hangs there is an error here."""
+
+import multiprocessing
+import signal
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import Any, Self, TypeVar
+
+from sidestep.plant_models.errors import InputError, PlantError
+from sidestep.plant_models.plant import Plant
+from sidestep.plant_models.signals import SteeringCommand, VehicleState
+
+T = TypeVar("T")
+
+START_LIMIT = 60.0
+"""Time for the process to start and build the plant, in [s]."""
+
+
+def call_isolated(function: Callable[[], T], time_limit: float) -> T:
+    """What a picklable function returns, called in a process of its own.
+
+    Raises:
+        InputError, PlantError: What it raises, or its process ends or hangs.
+    """
+    process = _Process(_call, function)
+    try:
+        return process.answer("the call", time_limit)
+    finally:
+        process.end()
+
+
+class IsolatedPlant:
+    """A `Plant` whose steps are made by another process, each within a time limit.
+
+    Attributes:
+        time_limit: For one reset or step, in [s].
+        estimated: As the plant behind says.
+    """
+
+    def __init__(self, build: Callable[[], Plant], time_limit: float = 5.0):
+        """Start the process and build the plant in it.
+
+        Args:
+            build: Makes the plant; must be picklable.
+            time_limit: For one reset or step, in [s].
+
+        Raises:
+            InputError, PlantError: What `build` raises, or the process ends or hangs.
+        """
+        if not time_limit > 0.0:
+            raise InputError("isolate", f"{time_limit} s", "> 0")
+        self.time_limit = time_limit
+        self._process = _Process(_serve, build)
+        self.estimated: tuple[str, ...] = self._process.answer("the start", START_LIMIT)
+
+    def reset(self, state: VehicleState) -> VehicleState:
+        """Reset the plant behind.
+
+        Raises:
+            PlantError: It does, or ends or hangs.
+        """
+        return self._process.ask("reset", (state,), self.time_limit)
+
+    def step(self, command: SteeringCommand, dt: float) -> VehicleState:
+        """Step the plant behind.
+
+        Raises:
+            PlantError: It does, or ends or hangs.
+        """
+        return self._process.ask("step", (command, dt), self.time_limit)
+
+    def close(self) -> None:
+        """End the process; what it holds, it closes before."""
+        self._process.finish(self.time_limit)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()
+
+
+class _Process:
+    """The other process and the connection to it."""
+
+    def __init__(self, serve: Callable[..., None], work: Callable[[], Any]):
+        context = multiprocessing.get_context("spawn")
+        self.connection, theirs = context.Pipe()
+        self.process = context.Process(target=serve, args=(theirs, work), daemon=True)
+        self.process.start()
+        theirs.close()
+
+    def ask(self, method: str, arguments: tuple[object, ...], limit: float) -> Any:
+        if self.connection.closed:
+            raise PlantError(f"{method}: the plant's process has ended")
+        with suppress(OSError):  # the answer says why
+            self.connection.send((method, arguments))
+        return self.answer(method, limit)
+
+    def answer(self, what: str, limit: float) -> Any:
+        try:
+            if not self.connection.poll(limit):
+                self.end()
+                raise PlantError(f"the plant's process hangs: no answer to {what} within {limit:g} s")
+            value, error = self.connection.recv()
+        except EOFError as broken:
+            self.process.join(limit)
+            code = self.process.exitcode or 0
+            self.end()
+            how = signal.Signals(-code).name if code < 0 else f"exit status {code}"
+            raise PlantError(f"the plant's process ended in {what}: {how}") from broken
+        if error is not None:
+            raise InputError(*error) if isinstance(error, tuple) else PlantError(error)
+        return value
+
+    def finish(self, limit: float) -> None:
+        if self.connection.closed:
+            return
+        with suppress(OSError):
+            self.connection.send(None)
+        self.process.join(limit)
+        self.end()
+
+    def end(self) -> None:
+        self.connection.close()
+        self.process.kill()
+        self.process.join()
+
+
+def _call(connection: Connection, function: Callable[[], Any]) -> None:
+    try:
+        connection.send((function(), None))
+    except Exception as error:  # whatever it is, the parent raises it
+        connection.send((None, _message(error)))
+
+
+def _serve(connection: Connection, build: Callable[[], Plant]) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
+    try:
+        plant = build()
+    except Exception as error:  # whatever it is, the parent raises it
+        connection.send((None, _message(error)))
+        return
+    connection.send((tuple(getattr(plant, "estimated", ())), None))
+    with plant, suppress(EOFError):
+        while request := connection.recv():
+            method, arguments = request
+            try:
+                connection.send((getattr(plant, method)(*arguments), None))
+            except Exception as error:  # as above
+                connection.send((None, _message(error)))
+
+
+def _message(error: Exception) -> tuple[str, str, str] | str:
+    if isinstance(error, InputError):
+        return error.where, error.problem, error.allowed
+    return str(error) if isinstance(error, PlantError) else f"{type(error).__name__}: {error}"

@@ -1,0 +1,69 @@
+"""The `sidestep fmu` commands."""
+
+import argparse
+import shutil
+from pathlib import Path
+
+
+def add_fmu(commands: argparse._SubParsersAction) -> None:
+    """Add `fmu` and what is below it to the commands of `sidestep`."""
+    fmu = commands.add_parser("fmu", help="build, inspect and check FMUs")
+    below = fmu.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    for add in (_add_build, _add_info, _add_check):
+        add(below)
+
+
+def _add_build(commands: argparse._SubParsersAction) -> None:
+    build = commands.add_parser("build", help="make an FMU of a plant")
+    build.add_argument("model", metavar="MODEL", help="single-track or linear")
+    build.add_argument("--fmi", type=int, default=3, choices=(2, 3), help="default: %(default)s")
+    build.add_argument("--out", type=Path, metavar="FILE", help="default: MODEL.fmu")
+    build.set_defaults(command=_build)
+
+
+def _add_info(commands: argparse._SubParsersAction) -> None:
+    info = commands.add_parser("info", help="variables and capabilities of an FMU, and a mapping for it")
+    info.add_argument("file", type=Path, metavar="FILE")
+    info.add_argument("--map", type=Path, metavar="MAP.toml", help="write the proposed mapping there")
+    info.set_defaults(command=_info)
+
+
+def _add_check(commands: argparse._SubParsersAction) -> None:
+    check = commands.add_parser("check", help="what is wrong with an FMU: ours, fmpy's and fmutool's findings")
+    check.add_argument("file", type=Path, metavar="FILE")
+    check.set_defaults(command=_check)
+
+
+def _build(options: argparse.Namespace) -> int:
+    from sidestep.fmu.build import build_fmu
+
+    print(build_fmu(options.model, options.fmi, options.out or Path(f"{options.model}.fmu")))
+    return 0
+
+
+def _info(options: argparse.Namespace) -> int:
+    from sidestep.fmu.archive import unpack
+    from sidestep.fmu.proposal import describe, propose_mapping
+    from sidestep.validation.files import complete
+
+    fmu = unpack(options.file)
+    try:
+        text, proposal = describe(fmu), propose_mapping(fmu, options.file)
+    finally:
+        shutil.rmtree(fmu.folder, ignore_errors=True)
+    print(f"{text}\n\n{proposal}", end="")
+    if options.map:
+        with complete(options.map) as stream:
+            stream.write(proposal)
+    return 0
+
+
+def _check(options: argparse.Namespace) -> int:
+    from sidestep.fmu.findings import check_fmu
+
+    findings = check_fmu(options.file)
+    for who, what in findings:
+        print(f"{who:10}{what}")
+    if not findings:
+        print("nothing found")
+    return 1 if findings else 0
