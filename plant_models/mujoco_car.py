@@ -14,6 +14,7 @@ from mujoco import mjtConDataField, mjtGeom, mjtJoint, mjtObj, mjtSensor, mjtTrn
 
 from sidestep.plant_models.contact_tyre import STATE, TYRE_MODES
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.mujoco_looks import add_looks
 from sidestep.plant_models.mujoco_surface import HeightField, Surface
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.vehicle import GRAVITY, SuspensionParameters, VehicleParameters
@@ -131,6 +132,7 @@ def car_spec(
     spec.option.disableflags |= flags.mjDSBL_ISLAND | flags.mjDSBL_AUTORESET  # one car; a blow-up must show
     spec.nuserdata = STATE.itemsize // 8
     _add_road(spec, surface.heights)
+    add_looks(spec)
     chassis = _add_chassis(spec, vehicle)
     for corner in corners(vehicle):
         _add_corner(spec, chassis, corner, vehicle)
