@@ -80,6 +80,7 @@ def _add_run(commands: argparse._SubParsersAction) -> None:
         help="replace a key of the scenario file, such as plant.friction=0.6; may be repeated",
     )  # fmt: skip
     run.add_argument("--view", action="store_true", help="show MuJoCo's viewer, in real time")
+    run.add_argument("--render", type=Path, metavar="FILE", help="film MuJoCo's car, as .gif or .mp4; needs no display")
     run.set_defaults(command=_run)
 
 
@@ -127,7 +128,7 @@ def _run(options: argparse.Namespace) -> int:
     with progress_bar(f"{scenario.name} on {scenario.plant.name}", scenario.duration) as progress:
         run = drive(
             scenario, folder, options.can, options.coupling, options.allow_real_bus, options.view, progress,
-            options.command_line,
+            options.command_line, options.render,
         )  # fmt: skip
         write_run(run)
     print_runs([run.summary])

@@ -10,6 +10,7 @@ from sidestep.controller import SteeringController
 from sidestep.controller.can_port.port import SteeringPort
 from sidestep.validation.cosimulation import PLANT_STEP, Coupling, cosimulate
 from sidestep.validation.files import made
+from sidestep.validation.film import film
 from sidestep.validation.judge import Judgement, judge
 from sidestep.validation.plants import open_plant
 from sidestep.validation.recording import End, Recording
@@ -51,6 +52,7 @@ def drive(
     view: bool = False,
     progress: Callable[[float], None] | None = None,
     command_line: str = "",
+    render: Path | None = None,
 ) -> Run:
     """Drive a scenario once; only the CAN log is written, to `folder`, which is made if need be.
 
@@ -63,27 +65,32 @@ def drive(
         view: Show MuJoCo's viewer, in real time.
         progress: Called with the simulated time, in [s].
         command_line: For the summary.
+        render: Film of MuJoCo's car to write, .gif or .mp4.
 
     Raises:
         InputError: Plant, bus or folder cannot be used; nothing is left behind then.
         PlantError: The plant cannot be built or cannot start.
     """
     controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
-    with open_plant(scenario) as plant, viewer(plant) if view else nullcontext() as show:
+    with (
+        open_plant(scenario) as plant,
+        viewer(plant, scenario, controller) if view else nullcontext() as show,
+        film(plant, render, scenario, controller) if render else nullcontext() as shoot,
+    ):
         plant.step(controller.step(plant.reset(scenario.start)), PLANT_STEP)  # load the kernels before the clock runs
         with made(folder):
             log = folder / "can.blf"
             log.unlink(missing_ok=True)
             port = SteeringPort(can, log, scenario.vehicle.steer_rate_limit, allow_real_bus)
         with port:
-            recording = cosimulate(controller, plant, scenario, port, coupling, _both(show, progress))
+            recording = cosimulate(controller, plant, scenario, port, coupling, _all(show, shoot, progress))
     judgement = judge(recording, scenario)
     frames = {"sent": port.sent, "lost": port.lost, "interface": port.interface}
     summary = summarise(scenario, recording, judgement, can=frames, coupling=coupling, command_line=command_line)
     return Run(scenario, recording, judgement, summary, folder)
 
 
-def _both(*calls: Callable[[float], None] | None) -> Callable[[float], None]:
+def _all(*calls: Callable[[float], None] | None) -> Callable[[float], None]:
     def call(time: float) -> None:
         for each in calls:
             if each is not None:
