@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from sidestep.plant_models.errors import InputError, PlantError
+from sidestep.validation.can_commands import add_can
 from sidestep.validation.fmu_commands import add_fmu
 
 BAD_INPUT, INTERRUPTED = 2, 130
@@ -49,7 +50,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=version("sidestep"))
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for add in (_add_demo, _add_run, _add_scenarios, _add_bench, add_fmu):
+    for add in (_add_demo, _add_run, _add_scenarios, _add_bench, add_fmu, add_can):
         add(commands)
     return parser
 
@@ -123,7 +124,7 @@ def _run(options: argparse.Namespace) -> int:
     from sidestep.validation.scenario import load_scenario
 
     isolated = [] if options.isolate is None else [f"plant.isolate={options.isolate}"]
-    scenario = load_scenario(options.scenario, [*options.overrides, *_plant_overrides(options), *isolated])
+    scenario = load_scenario(options.scenario, [*options.overrides, *plant_overrides(options), *isolated])
     folder = options.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{scenario.name}"
     with progress_bar(f"{scenario.name} on {scenario.plant.name}", scenario.duration) as progress:
         run = drive(
@@ -138,7 +139,8 @@ def _run(options: argparse.Namespace) -> int:
     return 0 if run.judgement.passed else 1
 
 
-def _plant_overrides(options: argparse.Namespace) -> list[str]:
+def plant_overrides(options: argparse.Namespace) -> list[str]:
+    """What `--plant` and `--map` change in the scenario file."""
     overrides = []
     if options.plant:
         plant = str(Path(options.plant).absolute()) if options.plant.endswith(".fmu") else options.plant
