@@ -148,10 +148,10 @@ def kinds(count: int, seed: int) -> list[Kind]:
     bodies = [load_scenario(name, ["plant.kind=mujoco"]) for name in _SCENES]
     short = [replace(scene, duration=1.1) for scene in scenes]
     each = max(1, count // 50)
-    fifth = [*bodies, *_in_turn(scenes, max(0, each - 2))]
+    whole = _in_turn([*scenes, *bodies], each)
     named = [
-        Kind("5 % loss", _seeded(fifth, seed, loss=0.05), passes),
-        Kind("5 % loss, 50 ms delay", _seeded(fifth, seed, loss=0.05, delay=0.05), passes),
+        Kind("5 % loss", _seeded(whole, seed, loss=0.05), passes),
+        Kind("5 % loss, 50 ms delay", _seeded(whole, seed, loss=0.05, delay=0.05), passes),
         Kind("50 % loss", _seeded(_in_turn(scenes, each), seed, loss=0.5, start=1.0), stops),
         Kind("frozen sender", [(short[i % 2], _freeze(seed + i)) for i in range(each)], is_caught),
         Kind("counter jumps", _seeded(_in_turn(short, each), seed, only=STEER_CMD.name, counter_jump=0.05), recovers),

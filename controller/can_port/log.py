@@ -1,10 +1,12 @@
 """Files of CAN frames: .blf, .asc, .log (candump) and .csv, by ending."""
 
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import can
+from can.io.blf import BLFParseError
 
 from sidestep.plant_models.errors import InputError
 
@@ -40,11 +42,12 @@ def read_log(path: Path) -> Iterator[can.Message]:
     """
     reader = _by_ending(_READERS, path)
     try:
-        with reader(path) as frames:
-            for message in frames:
+        # opened here, not by the reader: it leaves the file open when it fails
+        with path.open("rb") if reader is can.BLFReader else path.open(newline="", encoding="utf-8") as file:
+            for message in reader(file):
                 if not (message.is_error_frame or message.is_remote_frame):
                     yield message
-    except (OSError, ValueError, IndexError, KeyError, can.CanError) as error:
+    except (OSError, ValueError, IndexError, KeyError, struct.error, BLFParseError) as error:
         raise InputError(str(path), f"cannot read the CAN log: {error}") from error
 
 
