@@ -55,7 +55,8 @@ def _fmi2(model: Model, token: str, sources: list[str]) -> Element:
         generationTool=TOOL, variableNamingConvention="structured", numberOfEventIndicators="0",
     )  # fmt: skip
     interface = SubElement(
-        root, "CoSimulation", _tool(model), modelIdentifier=model.identifier, canHandleVariableCommunicationStepSize="true",
+        root, "CoSimulation", _tool(model), modelIdentifier=model.identifier,
+        canHandleVariableCommunicationStepSize="true",
         canNotUseMemoryManagementFunctions="true", canGetAndSetFMUstate="true", canSerializeFMUstate="true",
         providesDirectionalDerivative=_differentiable(model),
     )  # fmt: skip
@@ -84,7 +85,8 @@ def _fmi3(model: Model, token: str) -> Element:
         description=model.description, generationTool=TOOL, variableNamingConvention="structured",
     )  # fmt: skip
     SubElement(
-        root, "CoSimulation", _tool(model), modelIdentifier=model.identifier, canHandleVariableCommunicationStepSize="true",
+        root, "CoSimulation", _tool(model), modelIdentifier=model.identifier,
+        canHandleVariableCommunicationStepSize="true",
         canGetAndSetFMUState="true", canSerializeFMUState="true",
         providesDirectionalDerivatives=_differentiable(model),
     )  # fmt: skip

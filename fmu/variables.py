@@ -4,7 +4,7 @@ A variable's value reference is its place in the table, assigned nowhere else. T
 values in one flat array in that order, so that a value reference also is an array index.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from sidestep.plant_models.vehicle import GRAVITY
@@ -74,6 +74,11 @@ class Model:
     def needs_tool(self) -> bool:
         """Whether it runs in a process of another program."""
         return "process.c" in self.c_files
+
+    def with_start(self, values: dict[str, float]) -> "Model":
+        """The same with other start values, by name, of those variables that it has."""
+        rows = (replace(row, start=values.get(row.name, row.start)) for row in self.variables)
+        return replace(self, variables=tuple(rows))
 
     def of_kind(self, *kinds: Kind) -> list[tuple[int, Variable]]:
         """Value reference and row of every variable of these kinds."""

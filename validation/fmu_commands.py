@@ -7,9 +7,9 @@ from pathlib import Path
 
 def add_fmu(commands: argparse._SubParsersAction) -> None:
     """Add `fmu` and what is below it to the commands of `sidestep`."""
-    fmu = commands.add_parser("fmu", help="build, inspect and check FMUs")
+    fmu = commands.add_parser("fmu", help="build, export, inspect and check FMUs")
     below = fmu.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for add in (_add_build, _add_info, _add_check):
+    for add in (_add_build, _add_export, _add_info, _add_check):
         add(below)
 
 
@@ -19,6 +19,21 @@ def _add_build(commands: argparse._SubParsersAction) -> None:
     build.add_argument("--fmi", type=int, default=3, choices=(2, 3), help="default: %(default)s")
     build.add_argument("--out", type=Path, metavar="FILE", help="default: MODEL.fmu")
     build.set_defaults(command=_build)
+
+
+def _add_export(commands: argparse._SubParsersAction) -> None:
+    export = commands.add_parser("export", help="make an FMU of the controller of a scenario")
+    export.add_argument("scenario", metavar="SCENARIO", help="a name that `sidestep scenarios` lists, or a TOML file")
+    export.add_argument("--fmi", type=int, default=3, choices=(2, 3), help="default: %(default)s")
+    export.add_argument("--out", type=Path, metavar="FILE", help="default: SCENARIO-controller.fmu, or SCENARIO.ssp")
+    export.add_argument(
+        "--ssp", action="store_true", help="a system (.ssp) of controller and plant instead, in FMI 2.0"
+    )
+    export.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
+        help="replace a key of the scenario file, such as controller.input_delay_steps=1; may be repeated",
+    )  # fmt: skip
+    export.set_defaults(command=_export)
 
 
 def _add_info(commands: argparse._SubParsersAction) -> None:
@@ -38,6 +53,27 @@ def _build(options: argparse.Namespace) -> int:
     from sidestep.fmu.build import build_fmu
 
     print(build_fmu(options.model, options.fmi, options.out or Path(f"{options.model}.fmu")))
+    return 0
+
+
+def _export(options: argparse.Namespace) -> int:
+    from sidestep.fmu.build import copy_to
+    from sidestep.fmu.export import export_controller, start_plant
+    from sidestep.fmu.ssp import write_ssp
+    from sidestep.validation.scenario import load_scenario
+
+    scene = load_scenario(options.scenario, options.overrides)
+    fmi = 2 if options.ssp else options.fmi  # which every master of systems opens
+    controller = export_controller(
+        scene.name, scene.vehicle, scene.path, scene.obstacles, scene.controller, scene.start, fmi
+    )
+    if options.ssp:
+        out = options.out or Path(f"{scene.name}.ssp")
+        kind = "linear" if scene.plant.kind == "linear" else "single-track"
+        plant = start_plant(kind, scene.vehicle, scene.start, scene.plant.friction, fmi)
+        print(write_ssp(out, scene.name, controller, plant, scene.duration, scene.controller.period))
+    else:
+        print(copy_to(controller, options.out or Path(f"{scene.name}-controller.fmu")))
     return 0
 
 

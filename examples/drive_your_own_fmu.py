@@ -1,0 +1,39 @@
+"""The controller on an FMU of your own: look into it, propose a mapping, drive it, and see what was estimated.
+
+Run it: python examples/drive_your_own_fmu.py [FILE.fmu [MAP.toml]]; without a file it builds one of ours.
+"""
+
+import shutil
+import sys
+from pathlib import Path
+
+from sidestep.controller import SteeringController
+from sidestep.fmu.archive import unpack
+from sidestep.fmu.build import build_fmu
+from sidestep.fmu.fmu_plant import FmuPlant
+from sidestep.fmu.mapping import Mapping
+from sidestep.fmu.proposal import describe, propose_mapping
+from sidestep.validation.cosimulation import cosimulate
+from sidestep.validation.judge import judge
+from sidestep.validation.scenario import load_scenario
+
+
+def main(file: Path, table: Path | None) -> None:
+    fmu = unpack(file)
+    proposal = propose_mapping(fmu, file)
+    print(describe(fmu).splitlines()[0])
+    shutil.rmtree(fmu.folder)
+
+    mapping = Mapping.from_file(table) if table else Mapping.from_text(proposal)
+    scene = load_scenario("single-obstacle")
+    controller = SteeringController(scene.vehicle, scene.path, scene.obstacles, scene.controller)
+    with FmuPlant.from_file(file, mapping, scene.vehicle) as plant:
+        recording = cosimulate(controller, plant, scene)
+    verdict = judge(recording, scene)
+    print(f"{recording.end.value} at {recording['time'][-1]:.2f} s, clearance {verdict.min_clearance:.2f} m")
+    print("estimated:", ", ".join(recording.estimated) or "nothing")
+
+
+if __name__ == "__main__":
+    files = [Path(argument) for argument in sys.argv[1:]]
+    main(files[0] if files else build_fmu(), files[1] if len(files) > 1 else None)

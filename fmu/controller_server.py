@@ -1,0 +1,171 @@
+"""The Python side of the controller's FMU: answers the requests of sources/process.c, one after the other.
+
+Started by the FMU's binary as resources/server.py, with the socket as file descriptor 3; ends when that is closed.
+"""
+
+import json
+import math
+import os
+import signal
+import socket
+import struct
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from sidestep.controller import ControllerConfig, SteeringController
+from sidestep.fmu.controller_variables import FIXED, OUTPUTS, STATE, TUNABLE
+from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.obstacle import Obstacle
+from sidestep.plant_models.road import ReferencePath
+from sidestep.plant_models.signals import VehicleState
+from sidestep.plant_models.tyre import TyreParameters
+from sidestep.plant_models.vehicle import SuspensionParameters, VehicleParameters
+
+SOCKET = 3
+OK, ERROR = 0, 3
+NOTHING_NEAR = 1000.0
+"""Clearance where there is no obstacle, in [m]."""
+_HEAD = struct.Struct("=qQ")
+_START, _STEP, _SAVE, _RESTORE = 1, 2, 3, 4
+
+
+class ControllerServer:
+    """The controller of one instance; all values come and go as one array in the order of the variables."""
+
+    def __init__(self, description: dict[str, Any]):
+        """Prepare what `description`, made by `describe_controller`, holds."""
+        vehicle = dict(description["vehicle"])
+        vehicle["tyre"] = TyreParameters(**vehicle["tyre"])
+        if vehicle["suspension"]:
+            vehicle["suspension"] = SuspensionParameters(**vehicle["suspension"])
+        self._vehicle = VehicleParameters(**vehicle)
+        self._path = ReferencePath(np.array(description["road"]["table"]), description["road"]["closed"])
+        self._obstacles = [Obstacle(**obstacle) for obstacle in description["obstacles"]]
+        self._config = ControllerConfig(**description["controller"])
+        at = {name: index for index, name in enumerate(description["variables"])}
+        self._time, self._state = at["time"], [at[name] for name, *_ in STATE]
+        self._outputs = [at[name] for name, *_ in OUTPUTS]
+        self._settings = [(name, at[name]) for name, *_ in (*TUNABLE, *FIXED)]
+        self._controller: SteeringController | None = None
+
+    def start(self, data: bytes) -> bytes:
+        """A fresh controller's answer."""
+        values = np.frombuffer(data)
+        self._controller = SteeringController(self._vehicle, self._path, self._obstacles, self._set_up(values))
+        return self._answer(values, self._controller)
+
+    def step(self, data: bytes) -> bytes:
+        """The controller's next answer; settings that have changed hold from now on."""
+        values, controller = np.frombuffer(data), self._running()
+        config = self._set_up(values)
+        if config != controller.config:
+            memory = controller.save()
+            controller = self._controller = SteeringController(self._vehicle, self._path, self._obstacles, config)
+            controller.restore(memory)
+        return self._answer(values, controller)
+
+    def save(self, _: bytes) -> bytes:
+        """The controller's memory and the settings that it has."""
+        controller = self._running()
+        settings = np.array([float(getattr(controller.config, name)) for name, _ in self._settings])
+        return settings.tobytes() + controller.save()
+
+    def restore(self, data: bytes) -> bytes:
+        """Go on from such a memory."""
+        size = 8 * len(self._settings)
+        config = self._config_of(np.frombuffer(data[:size]).tolist())
+        self._controller = SteeringController(self._vehicle, self._path, self._obstacles, config)
+        self._controller.restore(data[size:])
+        return b""
+
+    def _running(self) -> SteeringController:
+        if self._controller is None:
+            raise InputError("controller", "not started")
+        return self._controller
+
+    def _set_up(self, values: np.ndarray) -> ControllerConfig:
+        return self._config_of([float(values[index]) for _, index in self._settings])
+
+    def _config_of(self, settings: list[float]) -> ControllerConfig:
+        named = dict(zip((name for name, _ in self._settings), settings, strict=True))
+        return replace(self._config, **named | {"input_delay_steps": round(named["input_delay_steps"])})
+
+    def _answer(self, values: np.ndarray, controller: SteeringController) -> bytes:
+        state = VehicleState(*values[[self._time, *self._state]].tolist())
+        command = controller.step(state)
+        plan = controller.plan
+        assert plan is not None
+        solved = {"INPUT": 2.0, "PIQP_SOLVED": 0.0}.get(plan.solver_status, 1.0)
+        answer = values.copy()
+        answer[self._outputs] = (
+            command.steer_angle, command.target_speed, command.status, self._clearance(state), solved,
+            plan.iterations, plan.slack_corridor, plan.slack_slip, 1e-6 * plan.solve_us, 1e-6 * plan.step_us,
+            state.time,
+        )  # fmt: skip
+        return answer.tobytes()
+
+    def _clearance(self, state: VehicleState) -> float:
+        car, nearest = self._vehicle, NOTHING_NEAR
+        for obstacle in self._obstacles:
+            s = obstacle.s + obstacle.speed * state.time
+            x, y = self._path.to_cartesian(s, obstacle.l)
+            ahead, across = 0.5 * (car.front_extent - car.rear_extent), 0.5 * car.length
+            c, sine = math.cos(state.yaw), math.sin(state.yaw)
+            nearest = min(nearest, box_distance(
+                state.x + ahead * c, state.y + ahead * sine, state.yaw, across, 0.5 * car.width, x, y,
+                self._path.heading(s) + obstacle.heading, 0.5 * obstacle.length, 0.5 * obstacle.width,
+            ))  # fmt: skip
+        return nearest
+
+
+@njit(cache=True, nogil=True)
+def box_distance(x, y, heading, a, b, x_2, y_2, heading_2, a_2, b_2):
+    """Distance in [m] between two boxes, 0 if they overlap.
+
+    Args:
+        x, y, heading: Centre and direction of the first, in [m] and [rad].
+        a, b: Half its length and width, in [m].
+        x_2, y_2, heading_2, a_2, b_2: The same of the second.
+    """
+    first, apart = _corner_distance(x, y, heading, a, b, x_2, y_2, heading_2, a_2, b_2)
+    second, too = _corner_distance(x_2, y_2, heading_2, a_2, b_2, x, y, heading, a, b)
+    return min(first, second) if apart or too else 0.0
+
+
+@njit(cache=True, nogil=True)
+def _corner_distance(x, y, heading, a, b, x_2, y_2, heading_2, a_2, b_2):
+    """From the corners of the second box to the first one; whether an axis of the first one separates them."""
+    c, s, turn = math.cos(heading), math.sin(heading), heading_2 - heading
+    along, across = c * (x_2 - x) + s * (y_2 - y), c * (y_2 - y) - s * (x_2 - x)
+    cos, sin = math.cos(turn), math.sin(turn)
+    nearest = math.inf
+    for i in (-1.0, 1.0):
+        for j in (-1.0, 1.0):
+            u, w = along + i * a_2 * cos - j * b_2 * sin, across + i * a_2 * sin + j * b_2 * cos
+            nearest = min(nearest, math.hypot(max(abs(u) - a, 0.0), max(abs(w) - b, 0.0)))
+    reach_u, reach_w = a_2 * abs(cos) + b_2 * abs(sin), a_2 * abs(sin) + b_2 * abs(cos)
+    return nearest, abs(along) > a + reach_u or abs(across) > b + reach_w
+
+
+def main(folder: Path) -> None:
+    """Serve until the other side closes the socket."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    server = ControllerServer(json.loads((folder / "controller.json").read_text(encoding="utf-8")))
+    answers: dict[int, Callable[[bytes], bytes]] = {
+        _START: server.start, _STEP: server.step, _SAVE: server.save, _RESTORE: server.restore,
+    }  # fmt: skip
+    with socket.socket(fileno=SOCKET) as channel:
+        while head := channel.recv(_HEAD.size, socket.MSG_WAITALL):
+            code, size = _HEAD.unpack(head)
+            data = channel.recv(size, socket.MSG_WAITALL) if size else b""
+            try:
+                status, answer = OK, answers[code](data)
+            except InputError as error:
+                status, answer = ERROR, str(error).encode()
+            channel.sendall(_HEAD.pack(status, len(answer)) + answer)
+    os._exit(0)  # at once: nothing is left to be saved
