@@ -27,6 +27,7 @@ CAR = np.dtype(
         ("bears_load", np.int64),  # whether the tyre carries the car, not MuJoCo's solver
         ("damping_scale", np.float64, 4),  # friction reference per damping of a tyre pair, [m/N]
         ("gravity", np.float64, 3),
+        ("belt", np.float64, 2),  # velocity of the road: MuJoCo's sensor does not know that it moves
         ("friction", np.float64),
         ("mass", np.float64),
         ("unsprung", np.float64, 4),  # masses, [kg]
@@ -190,6 +191,8 @@ def tyre(i, dt, car, state, sensors, xipos, xmat, qvel, xfrc, pairs, damping, pa
     along, across = dot(tangent, ahead), dot(tangent, left)
     slide_x = velocity[1] * along + velocity[2] * dot(second, ahead)
     slide_y = velocity[1] * across + velocity[2] * dot(second, left)
+    slide_x -= car["belt"][0] * ahead[0] + car["belt"][1] * ahead[1]
+    slide_y -= car["belt"][0] * left[0] + car["belt"][1] * left[1]
     arm = (patch[2] - xipos[wheel, 0], patch[3] - xipos[wheel, 1], patch[4] - xipos[wheel, 2])
     radius = math.sqrt(dot(arm, arm))
     rolling, camber = slide_x + qvel[car["spin"][i]] * radius, math.asin(lean)

@@ -33,7 +33,7 @@ _STEER_STIFFNESS = 3.0e5  # [N m/rad]
 _HULL_BOTTOM, _HULL_TOP, _OBSTACLE_TOP = 0.15, 1.35, 1.5  # [m]
 
 _SOFT = 1e-4  # MuJoCo's least impedance: a constraint this soft is a plain spring and damper
-_FRICTION_RATIO = 100.0  # impratio of the tuned contact: how little its shear leans on the wheel load
+_FRICTION_RATIO = 5.0  # impratio of the tuned contact; its shear is too small by _SOFT times this, and more
 _DEEP = 0.25  # margin of a contact that is found but never pushes, [m]
 
 

@@ -164,6 +164,12 @@ class MujocoPlant:
             self.data.mocap_pos[i] = x, y, 0.0
             self.data.mocap_quat[i] = _quaternion(yaw + box.heading)
 
+    def move_road(self, v_x: float, v_y: float) -> None:
+        """Let the road move under the car, in [m/s]: a belt; not part of what `save` keeps."""
+        road = self.model.geom("road").id
+        self.model.geom_surfacevel[road, :2] = self._car[0]["belt"][:] = v_x, v_y
+        self.model.flg_surfacevel = int(v_x != 0.0 or v_y != 0.0)
+
     def save(self) -> bytes:
         """All that the future depends on, for `restore` of a plant built alike; the continuation is the same bits.
 
@@ -214,7 +220,8 @@ class MujocoPlant:
         """What a recording may want beyond the state: of the last step, in SI units and [rad].
 
         Roll (positive to the right side down) and pitch (positive nose down) of the chassis, acceleration
-        of the centre of gravity along the yawed axes, and wheel load, slip ratio and slip angle per wheel.
+        of the centre of gravity along the yawed axes, and wheel load, slip ratio, slip angle and shear
+        along and across the wheel, per wheel.
         """
         own, q, car = self._own[0], self.data.qpos, self._car[0]
         w, x, y, z = q[3:7].tolist()
@@ -229,6 +236,7 @@ class MujocoPlant:
         for i, name in enumerate(WHEELS):
             result[f"load_{name}"] = own["load"][i]
             result[f"slip_ratio_{name}"], result[f"slip_angle_{name}"] = own["slip"][i]
+            result[f"force_x_{name}"], result[f"force_y_{name}"] = own["shear"][i]
         return {key: float(value) for key, value in result.items()}
 
     def _shear(self) -> NDArray[np.float64]:

@@ -13,9 +13,7 @@ from sidestep.validation.scenario import Scenario
 
 
 @contextmanager
-def viewer(
-    plant: Plant, scenario: Scenario | None = None, controller: Any = None
-) -> Iterator[Callable[[float], None]]:
+def viewer(plant: Plant, scenario: Scenario | None = None, controller: Any = None) -> Iterator[Callable[[float], None]]:
     """Open the viewer; yields what is to be called with the simulated time [s] to show the car there and wait.
 
     With a scenario, its road and the `plan` of the controller are drawn, too.

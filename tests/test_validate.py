@@ -1,0 +1,45 @@
+"""The checks of the MuJoCo car, their table, and what a failing one does."""
+
+import math
+
+import pytest
+
+from sidestep.plant_models.mujoco_car import corners
+from sidestep.plant_models.mujoco_plant import MujocoPlant
+from sidestep.plant_models.tyre import magic_formula
+from sidestep.plant_models.vehicle import VehicleParameters
+from sidestep.validation import validate as module
+from sidestep.validation.cli import main
+from sidestep.validation.mujoco_rig import crab
+from sidestep.validation.mujoco_validation import Check, validate_mujoco
+
+
+def test_all_fourteen_checks_pass():
+    checks = validate_mujoco()
+    assert {int(check.name.split()[0]) for check in checks} == set(range(1, 15))
+    assert [check.name for check in checks if not check.passed] == []
+
+
+@pytest.mark.parametrize("on_belt", [False, True])
+def test_the_rig_measures_the_formula(on_belt):
+    car = VehicleParameters.preset("bmw-320i")
+    car = car.with_(tyre=car.tyre.without_load_sensitivity())  # the wheels' loads differ a little while led
+    plant, load, p = MujocoPlant(car), corners(car)[0].load, car.tyre.as_array()
+    angle = math.radians(4.0)
+    forces = [crab(plant, speed, angle, on_belt) for speed in (6.0, 20.0)]
+    assert forces == pytest.approx([2.0 * magic_formula(0.0, angle, load, 1.0, p)[1]] * 2, rel=1e-3)
+
+
+def test_a_failing_check_is_shown_and_sets_the_exit_status(monkeypatch, capsys):
+    checks = [Check("1 good", 0.1, 0.2, "mm"), Check("2 bad", 0.3, 0.2, ""), Check("3 lost", math.nan, 0.2, "")]
+    monkeypatch.setattr(module, "validate_mujoco", lambda: checks)
+    assert main(["validate"]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[-1] for line in lines if line.split() and line.split()[0] in "123"] == ["PASS", "FAIL", "FAIL"]
+    monkeypatch.setattr(module, "validate_mujoco", lambda: checks[:1])
+    assert main(["validate", "--plant", "mujoco"]) == 0
+
+
+def test_a_plant_without_checks_is_refused(capsys):
+    assert main(["validate", "--plant", "linear"]) == 2
+    assert capsys.readouterr().err == "sidestep: --plant: no checks for 'linear'; allowed: mujoco\n"

@@ -1,0 +1,83 @@
+"""Figures that show the MuJoCo car's tyres, and its manoeuvres beside the other plants'."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from sidestep.fmu.fmu_plant import FmuPlant
+from sidestep.plant_models.contact_tyre import TYRE_MODES
+from sidestep.plant_models.linear_plant import LinearPlant
+from sidestep.plant_models.mujoco_car import corners
+from sidestep.plant_models.mujoco_plant import MujocoPlant
+from sidestep.plant_models.plant import Plant
+from sidestep.plant_models.signals import SteeringCommand, VehicleState
+from sidestep.plant_models.tyre import magic_formula
+from sidestep.plant_models.vehicle import VehicleParameters
+from sidestep.validation.mujoco_rig import crab
+from sidestep.validation.style import BLUE, GREEN, INK, ORANGE, panel, styled
+
+_DEGREES = np.array([0.1, 0.3, 0.6, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.5, 8.0, 10.0, 12.0])
+_SPEED = 15.0  # [m/s]
+
+
+def axle_forces() -> Figure:
+    """Front axle force against slip angle at three speeds for the three tyres, the formula on top."""
+    car = VehicleParameters.preset("bmw-320i")
+    load, p, grid = corners(car)[0].load, car.tyre.as_array(), np.linspace(0.0, 12.0, 200)
+    formula = [2e-3 * magic_formula(0.0, math.radians(a), load, 1.0, p)[1] for a in grid]
+    with styled():
+        figure = Figure(figsize=(11.0, 3.2), layout="constrained")
+        panels = figure.subplots(1, 3, sharey=True)
+        for axes, mode in zip(panels, TYRE_MODES, strict=True):
+            plant = MujocoPlant(car, tyre=mode)
+            for speed, colour, mark in ((5.0, BLUE, "o"), (15.0, ORANGE, "s"), (30.0, GREEN, "^")):
+                force = [1e-3 * crab(plant, speed, math.radians(a), seconds=0.6) for a in _DEGREES]
+                axes.plot(_DEGREES, force, mark, color=colour, ms=4, label=f"{speed:.0f} m/s")
+            axes.plot(grid, formula, color=INK, lw=1.0, label="formula")
+            panel(axes, mode, "kN").set_xlabel("slip angle [deg]")
+        panels[0].legend(loc="lower right")
+    return figure
+
+
+def manoeuvres() -> Figure:
+    """Yaw rate in step steer, sine sweep and ramp steer of linear, single-track and MuJoCo plant at 15 m/s."""
+    car = VehicleParameters.preset("bmw-320i")
+    plants: dict[str, Plant] = {
+        "linear": LinearPlant(car),
+        "single-track FMU": FmuPlant.native(car),
+        "MuJoCo": MujocoPlant(car),
+    }
+    drives: dict[str, tuple[float, Callable[[float], float]]] = {
+        "step steer, 2°": (3.0, lambda t: math.radians(2.0) if t > 0.2 else 0.0),
+        "sine sweep, 1°, 0.2 to 3 Hz": (12.0, _sweep),
+        "ramp steer, 1.5°/s": (6.0, lambda t: math.radians(1.5) * t),
+    }
+    with styled():
+        figure = Figure(figsize=(11.0, 3.2), layout="constrained")
+        panels = figure.subplots(1, 3)
+        for axes, (title, (seconds, steer)) in zip(panels, drives.items(), strict=True):
+            for (name, plant), colour in zip(plants.items(), (INK, ORANGE, BLUE), strict=True):
+                axes.plot(*_yaw_rate(plant, seconds, steer), color=colour, lw=1.1, label=name)
+            panel(axes, title, "deg/s").set_xlabel("time [s]")
+        panels[0].legend(loc="lower right")
+    for plant in plants.values():
+        plant.close()
+    return figure
+
+
+def _sweep(time: float) -> float:
+    """Frequency that grows exponentially from 0.2 to 3 Hz in 12 s."""
+    growth = math.log(3.0 / 0.2) / 12.0
+    return math.radians(1.0) * math.sin(2.0 * math.pi * 0.2 * math.expm1(growth * time) / growth)
+
+
+def _yaw_rate(plant: Plant, seconds: float, steer: Callable[[float], float]) -> tuple[list[float], list[float]]:
+    state = plant.reset(VehicleState(v_x=_SPEED))
+    times, rates = [state.time], [0.0]
+    for _ in range(round(seconds / 0.01)):
+        state = plant.step(SteeringCommand(state.time, steer(state.time), _SPEED), 0.01)
+        times.append(state.time)
+        rates.append(math.degrees(state.yaw_rate))
+    return times, rates
