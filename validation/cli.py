@@ -50,7 +50,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=version("sidestep"))
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for add in (_add_demo, _add_run, _add_scenarios, _add_bench, add_fmu, add_can):
+    for add in (_add_demo, _add_run, _add_scenarios, _add_validate, _add_bench, add_fmu, add_can):
         add(commands)
     return parser
 
@@ -94,6 +94,19 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     bench.add_argument("--json", type=Path, metavar="FILE", help="also write the figures as JSON")
     bench.add_argument("--solvers", action="store_true", help="compare QP solvers, too")
     bench.set_defaults(command=_bench)
+
+
+def _add_validate(commands: argparse._SubParsersAction) -> None:
+    validate = commands.add_parser("validate", help="prove a plant by its checks")
+    validate.add_argument("--plant", default="mujoco", metavar="PLANT", help="default: %(default)s")
+    validate.add_argument("--out", type=Path, metavar="DIR", help="also write the figures there")
+    validate.set_defaults(command=_validate)
+
+
+def _validate(options: argparse.Namespace) -> int:
+    from sidestep.validation.validate import validate
+
+    return validate(options.plant, options.out)
 
 
 def _demo(options: argparse.Namespace) -> int:
