@@ -61,6 +61,12 @@ def test_init_keeps_wheels_and_speed_until_the_channel_is_valid():
     assert bench.send(10) == [INIT] * 8 + [ACTIVE] * 2
 
 
+def test_the_first_call_starts_from_the_wheels_whatever_has_arrived():
+    bench = Bench(angle=0.05)
+    assert bench.step(*[bench.frame(angle=0.05) for _ in range(10)]) is ACTIVE
+    assert bench.angle == pytest.approx(0.05)
+
+
 def test_active_follows_angle_speed_and_status():
     bench = driving()
     bench.step(m.encode_steer_command(SteeringCommand(0.0, 0.21, 7.0, Status.BLOCKED), next(bench.counters)))

@@ -232,3 +232,42 @@ def test_frozen_sender_is_caught_as_soon_as_too_few_good_frames_are_left():
     assert [states.add(receiver.check(frame)) for frame in frames][-1] is VALID
     seen = [states.add(receiver.check(frames[-1])) for _ in range(20)]
     assert seen.index(INVALID) == states.valid.window - states.valid.min_ok
+
+
+def counted(checks, wanted, start=()):
+    """How many of `checks` it takes a machine with the default thresholds, after `start`, to be `wanted`."""
+    states = E2EStateMachine()
+    run(states, [INITIAL, *start])
+    return run(states, checks).index(wanted) + 1
+
+
+def test_default_thresholds_on_both_sides():
+    assert counted([OK] * 20, VALID) == 8
+    assert counted([OK] * 20, VALID, [ERROR] * 6) == 8
+    assert counted([ERROR] * 20, INVALID) == 7
+    assert counted([ERROR] * 20, INVALID, [OK] * 16) == 7
+    assert counted([NONEW] * 20, INVALID, [OK] * 16) == 9  # seven OK of sixteen are left
+    assert counted([NONEW] * 20, INVALID, [OK] * 8) == 16 - 8 + 1
+    lost = [*[OK] * 16, *[NONEW] * 30]
+    assert counted([OK] * 20, VALID, lost) == 14
+    assert counted([OK] * 20, VALID, [*lost, ERROR, ERROR]) == 14
+    assert counted([OK] * 20, VALID, [*lost, ERROR, ERROR, ERROR]) == 14  # the first of them slides out by then
+    assert counted([OK] * 20, VALID, [*lost, *[ERROR] * 4]) == 14
+    errors = [check for _ in range(8) for check in (ERROR, OK, OK, OK, OK, OK)]
+    assert VALID not in run_from(lost, errors[:16] + [ERROR])
+
+
+def run_from(start, checks):
+    states = E2EStateMachine()
+    run(states, [INITIAL, *start])
+    return run(states, checks)
+
+
+@pytest.mark.parametrize("good", [(3, 1, 0), (3, 3, 3), (1, 1, 1)])
+def test_thresholds_at_their_limits_are_allowed(good):
+    assert StateConfig(*good).window == good[0]
+
+
+def test_numbers_of_the_states_are_the_specification_s():
+    assert [state.name for state in sorted(E2EState)] == ["VALID", "DEINIT", "NODATA", "INIT", "INVALID"]
+    assert sorted(E2EState) == [0, 1, 2, 3, 4]

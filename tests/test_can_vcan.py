@@ -1,21 +1,29 @@
 """The bus on Linux' own CAN stack; run with `tools/vcanbox.py -- python -m pytest -m vcan`."""
 
+import json
+import math
 import os
 import shutil
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 import can
+import numpy as np
 import pytest
 from test_can_port import assert_same_but_quantised, slalom
 
+from sidestep.controller.can_port.actuator import Actuator
 from sidestep.controller.can_port.bus import Bus, can_interfaces, resolve_spec
 from sidestep.controller.can_port.database import load_dbc
 from sidestep.controller.can_port.e2e import CheckStatus
 from sidestep.controller.can_port.faults import FaultSpec
+from sidestep.controller.can_port.messages import ActuatorState, encode_steer_command
+from sidestep.controller.can_port.pacing import Pacer
 from sidestep.controller.can_port.port import SteeringPort
+from sidestep.plant_models.signals import SteeringCommand, VehicleState
+from sidestep.validation.recording import read_columns
 
 VCAN = "socketcan:vcan0"
 
@@ -178,3 +186,79 @@ def test_faults_of_the_kernel_never_reach_the_plant(fault):
             "corruption": port.receiver.counts[CheckStatus.ERROR] > 0,
             "duplication": port.receiver.counts[CheckStatus.REPEATED] > 0 and port.lost == 0,
         }[fault]
+
+
+# --- the two nodes as processes
+
+
+def node(*arguments):
+    return [sys.executable, "-m", "sidestep.validation", "can", *arguments]
+
+
+def drive_pair(scene, folder, *more):
+    """Both nodes in real time over vcan0; the summaries of plant and controller."""
+    common = [scene, "--can", VCAN, *more]
+    with subprocess.Popen(node("drive", *common, "--out", str(folder / "c"))) as controller:
+        plant = subprocess.run(node("plant", *common, "--plant", "mujoco", "--out", str(folder / "p")))
+        assert controller.wait(60.0) == 0
+    summaries = [json.loads((folder / end / "summary.json").read_text()) for end in ("p", "c")]
+    assert plant.returncode == 0, summaries[0]
+    return summaries
+
+
+@pytest.mark.parametrize("scene", ["single-obstacle", "double-obstacle"])
+def test_both_scenes_are_driven_by_two_processes_in_real_time(scene, tmp_path, candump):
+    plant, controller = drive_pair(scene, tmp_path)
+    assert plant["verdict"] == "pass"
+    for end in (plant["can"], controller["can"]):
+        assert (end["lost"], end["refused"]) == (0, 0)
+        assert end["lateness_ms"]["p99"] <= 2.0
+        assert abs(end["drift"]) <= 1e-3
+    dbc = load_dbc().get_message_by_name("STEER_CMD")
+    frames = [line.split()[2].split("#") for line in candump(100)]
+    angles = [dbc.decode(bytes.fromhex(data))["SteerCmd_Angle"] for frame_id, data in frames if frame_id == "101"]
+    recorded = read_columns(tmp_path / "p" / "recording.csv")["steer_command"]
+    assert np.abs(recorded).max() > 0.005
+    assert all(np.abs(np.array(angles) - angle).min() <= 2.6e-5 for angle in recorded)
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [["loss", "20%"], ["delay", "30ms", "reorder", "80%"], ["corrupt", "10%"], ["rate", "8kbit", "limit", "5"], None],
+    ids=["loss", "reorder", "corrupt", "ENOBUFS", "down"],
+)
+def test_the_actuator_behaves_as_its_table_says_on_a_bad_bus(fault):
+    """A sender, an actuator whose wheels follow at once, and the kernel's faults between them for a second."""
+    actuator, pacer, states, ages, angle, heard = Actuator(), Pacer(0.01), [], [], 0.0, None
+    with Bus(VCAN) as sender, Bus(VCAN) as listener, ExitStack() as faults:
+        for k in range(350):
+            now = pacer.wait()
+            if k == 100:
+                faults.enter_context(netem(*fault)) if fault else ip("down")
+            if k == 200:
+                faults.close() if fault else ip("up")
+            command = SteeringCommand(now, 0.2 * math.sin(0.02 * k), 15.0)
+            sender.send(frame_of(encode_steer_command(command, k)))
+            before = actuator.asked
+            arrived = [bytes(got.data) for got in listener.drain()]
+            angle = actuator.step(arrived, VehicleState(now, v_x=15.0, steer_angle=angle)).steer_angle
+            heard = now if actuator.asked is not before else heard
+            states.append(actuator.state)
+            ages.append(math.inf if heard is None else now - heard)
+    assert set(states[30:100]) == {ActuatorState.ACTIVE}
+    assert ActuatorState.FAULT not in states
+    assert set(states[260:]) == {ActuatorState.ACTIVE}  # and comes back
+    table = {ActuatorState.ACTIVE: (0.0, 0.025), ActuatorState.HOLD: (0.025, 0.05),
+             ActuatorState.RAMP_TO_ZERO: (0.05, math.inf)}  # fmt: skip
+    for state, age in list(zip(states, ages, strict=True))[30:]:
+        low, high = table[state]
+        assert low - 1e-6 <= age <= high + 1e-6
+    if fault is None:
+        assert set(states[110:200]) == {ActuatorState.RAMP_TO_ZERO}
+        assert sender.errors > 0
+    if fault and "rate" in fault:
+        assert sender.errors > 0
+
+
+def frame_of(data):
+    return can.Message(arbitration_id=0x101, data=data, is_extended_id=False)

@@ -42,8 +42,8 @@ def read_log(path: Path) -> Iterator[can.Message]:
     """
     reader = _by_ending(_READERS, path)
     try:
-        # opened here, not by the reader: it leaves the file open when it fails
-        with path.open("rb") if reader is can.BLFReader else path.open(newline="", encoding="utf-8") as file:
+        how: dict[str, Any] = {"mode": "rb"} if reader is can.BLFReader else {"encoding": "utf-8", "newline": ""}
+        with open(path, **how) as file:  # not by the reader, which leaves it open when it fails
             for message in reader(file):
                 if not (message.is_error_frame or message.is_remote_frame):
                     yield message
