@@ -51,6 +51,8 @@ class ControllerServer:
         self._time, self._state = at["time"], [at[name] for name, *_ in STATE]
         self._outputs = [at[name] for name, *_ in OUTPUTS]
         self._settings = [(name, at[name]) for name, *_ in (*TUNABLE, *FIXED)]
+        self._at_settings = [index for _, index in self._settings]
+        self._held = b""  # the settings that the controller has
         self._controller: SteeringController | None = None
 
     def start(self, data: bytes) -> bytes:
@@ -62,23 +64,20 @@ class ControllerServer:
     def step(self, data: bytes) -> bytes:
         """The controller's next answer; settings that have changed hold from now on."""
         values, controller = np.frombuffer(data), self._running()
-        config = self._set_up(values)
-        if config != controller.config:
-            memory = controller.save()
+        if values[self._at_settings].tobytes() != self._held:
+            memory, config = controller.save(), self._set_up(values)
             controller = self._controller = SteeringController(self._vehicle, self._path, self._obstacles, config)
             controller.restore(memory)
         return self._answer(values, controller)
 
     def save(self, _: bytes) -> bytes:
         """The controller's memory and the settings that it has."""
-        controller = self._running()
-        settings = np.array([float(getattr(controller.config, name)) for name, _ in self._settings])
-        return settings.tobytes() + controller.save()
+        return self._held + self._running().save()
 
     def restore(self, data: bytes) -> bytes:
         """Go on from such a memory."""
         size = 8 * len(self._settings)
-        config = self._config_of(np.frombuffer(data[:size]).tolist())
+        config = self._config_of(np.frombuffer(data[:size]))
         self._controller = SteeringController(self._vehicle, self._path, self._obstacles, config)
         self._controller.restore(data[size:])
         return b""
@@ -89,11 +88,13 @@ class ControllerServer:
         return self._controller
 
     def _set_up(self, values: np.ndarray) -> ControllerConfig:
-        return self._config_of([float(values[index]) for _, index in self._settings])
+        return self._config_of(values[self._at_settings])
 
-    def _config_of(self, settings: list[float]) -> ControllerConfig:
-        named = dict(zip((name for name, _ in self._settings), settings, strict=True))
-        return replace(self._config, **named | {"input_delay_steps": round(named["input_delay_steps"])})
+    def _config_of(self, settings: np.ndarray) -> ControllerConfig:
+        named = dict(zip((name for name, _ in self._settings), settings.tolist(), strict=True))
+        config = replace(self._config, **named | {"input_delay_steps": round(named["input_delay_steps"])})
+        self._held = settings.tobytes()
+        return config
 
     def _answer(self, values: np.ndarray, controller: SteeringController) -> bytes:
         state = VehicleState(*values[[self._time, *self._state]].tolist())
