@@ -34,8 +34,8 @@ TIGHTENING_TIME = 0.5
 """Time ahead from which on the full tightening is asked, in [s]."""
 PLANNER_REACH = 0.3
 """Stretch of road that the planner checks to both sides of a station, in lengths of the car."""
-SLOWING_SLACK = 0.02
-"""Predicted violation of the corridor from which on the car slows down, in [m]."""
+SLOWING_SHARE = 0.5
+"""Share of the buffer that a prediction may use up, beside the tightening, before the car slows down for it."""
 CREEP_SPEED = 2.0
 """Speed left when the corridor cannot be held: standing still, the car would never come back into it, in [m/s]."""
 OBSERVED_SPEED = 3.0
@@ -228,7 +228,7 @@ class SteeringController:
         if corridor.path.blocker != FREE:
             distance = corridor.gap - config.standstill_gap
             target = min(target, approach_speed(distance, corridor.gap_speed, config.comfort_braking))
-        if solution.slack_corridor > SLOWING_SLACK:  # passable, but not at this speed
+        if solution.slack_corridor > config.tightening + SLOWING_SHARE * config.buffer:  # not at this speed
             room = max(v * solution.time_to_excess - self.vehicle.front_extent, 0.0)
             target = min(target, max(approach_speed(room, 0.0, config.comfort_braking), CREEP_SPEED))
         return target, max(distance, 0.0)
