@@ -185,7 +185,9 @@ class SteeringController:
         """Learn from how the last step really went."""
         before, self._before = self._before, (state.time, x.copy())
         config = self.config
-        if before is None or state.v_x < OBSERVED_SPEED or state.time - before[0] > 1.5 * config.period:
+        if before is None or state.v_x < OBSERVED_SPEED:
+            return
+        if not 0.5 * config.period < state.time - before[0] < 1.5 * config.period:
             return
         start = before[1].copy()
         start[5] = self._sent[0]  # what was in force since

@@ -260,3 +260,12 @@ def test_wall_that_appears_late_is_braked_for(distance, gap):
     assert commands[0].status is Status.BLOCKED
     assert states[-1].v_x < 0.1
     assert distance - BMW.front_extent - states[-1].x > gap
+
+
+@pytest.mark.parametrize("step", [1e-300, 1e-15, 1e-9, 1e-3, 10.0])
+def test_any_distance_between_states_is_survived(step):
+    controller = SteeringController(BMW, ROAD, SINGLE)
+    for k in range(3):
+        command = controller.step(replace(good_state(0.0), time=k * step, steer_angle=0.01 * k))
+        assert math.isfinite(command.steer_angle)
+        assert command.status is Status.TRACKING
