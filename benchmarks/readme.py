@@ -68,7 +68,8 @@ def demo_table() -> str:
         "Scene, plant", "Verdict", "Clearance [m]", "Max a_y [m/s²]", "Max steering rate [rad/s]",
         "RMS error, last second [cm]", "Infeasible steps",
     )  # fmt: skip
-    return table(head, *(_demo_row(run) for run in demo["runs"]))
+    runs = table(head, *(_demo_row(run) for run in demo["runs"]))
+    return f"{runs}\n\nThe whole demo, reports included, took {demo['seconds']:.0f} s."
 
 
 def _demo_row(run: dict[str, Any]) -> tuple[str, ...]:
