@@ -16,6 +16,7 @@ from typing import NoReturn
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.validation.can_commands import add_can
 from sidestep.validation.fmu_commands import add_fmu
+from sidestep.validation.limits_commands import add_limits
 
 BAD_INPUT, INTERRUPTED = 2, 130
 
@@ -50,7 +51,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=version("sidestep"))
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for add in (_add_demo, _add_run, _add_scenarios, _add_validate, _add_bench, add_fmu, add_can):
+    for add in (_add_demo, _add_run, _add_scenarios, _add_validate, _add_bench, add_limits, add_fmu, add_can):
         add(commands)
     return parser
 

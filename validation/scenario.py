@@ -149,7 +149,9 @@ def load_scenario(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Sc
     return parse_scenario(text, file.stem if file.parent == _BUILT_IN else str(file), overrides, file)
 
 
-def parse_scenario(text: str, label: str, overrides: Sequence[str] = (), file: Path = Path("scenario.toml")) -> Scenario:
+def parse_scenario(
+    text: str, label: str, overrides: Sequence[str] = (), file: Path = Path("scenario.toml")
+) -> Scenario:  # fmt: skip
     """A scenario from the text of its file.
 
     Args:
