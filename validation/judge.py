@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sidestep.validation.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
+from sidestep.validation.geometry import Array, car_boxes, edge_clearance, obstacle_boxes, signed_clearance
 from sidestep.validation.recording import End, Recording
 from sidestep.validation.scenario import Scenario
 
@@ -48,12 +48,22 @@ def judge(recording: Recording, scenario: Scenario) -> Judgement:
     time, s, path = recording["time"], recording["s"], scenario.path
     car = car_boxes(scenario.vehicle, recording["x"], recording["y"], recording["yaw"])
     edge = float(edge_clearance(path, scenario.controller.width_left, scenario.controller.width_right, car, s).min())
-    gaps = np.array([signed_clearance(car, obstacle_boxes(path, box, time)) for box in scenario.obstacles])
+    gaps = np.array([_clearances(car, obstacle_boxes(path, box, time)) for box in scenario.obstacles])
     if not len(gaps):
         return Judgement(_label(recording, np.inf, edge), None, None, None, None, edge)
     obstacle, sample = (int(i) for i in np.unravel_index(np.argmin(gaps), gaps.shape))
     gap = float(gaps[obstacle, sample])
     return Judgement(_label(recording, gap, edge), gap, obstacle, float(time[sample]), float(s[sample]), edge)
+
+
+def _clearances(car: Array, box: Array) -> Array:
+    """Signed clearance where it may be the smallest one; elsewhere that of the circumscribed circles, which is less."""
+    apart = np.linalg.norm(car.mean(axis=1) - box.mean(axis=1), axis=1)
+    radii = [np.linalg.norm(outline[0] - outline[0].mean(axis=0), axis=1).max() for outline in (car, box)]
+    gaps = apart - sum(radii)
+    near = gaps <= apart.min()
+    gaps[near] = signed_clearance(car[near], box[near])
+    return gaps
 
 
 def _label(recording: Recording, gap: float, edge: float) -> str:
