@@ -95,7 +95,9 @@ def fmi2_callbacks(messages: deque[str]) -> fmi2CallbackFunctions:
     process to one function: ours, which knows whose it is by the environment.
     """
     callbacks = fmi2CallbackFunctions()
-    callbacks.logger = defaultCallbacks.logger
+    callbacks.logger = _logger
+    # anew for every instance: what else runs FMUs here (fmpy.ssp) leaves the proxy with a logger that is gone
+    addLoggerProxy(ctypes.byref(callbacks))
     callbacks.allocateMemory, callbacks.freeMemory = defaultCallbacks.allocateMemory, defaultCallbacks.freeMemory
     callbacks.componentEnvironment = id(messages)
     _listeners[id(messages)] = messages
@@ -110,7 +112,4 @@ def _log(environment: int | None, name: bytes, status: int, category: bytes, mes
         messages.append(message.decode(errors="replace"))
 
 
-_proxied = fmi2CallbackFunctions()
-_proxied.logger = fmi2CallbackLoggerTYPE(_log)
-_kept_alive = _proxied.logger
-addLoggerProxy(ctypes.byref(_proxied))
+_logger = fmi2CallbackLoggerTYPE(_log)
