@@ -206,6 +206,7 @@ def test_solution_does_not_change_with_the_next_solve():
     assert np.array_equal(first.z, kept)
 
 
+@pytest.mark.closed_loop
 def test_closed_loop_problems_against_the_exact_solver():
     """u0 of every step of the double obstacle within 1e-5 of DAQP on all rows."""
     road = ReferencePath.from_segments([Line(150.0)])

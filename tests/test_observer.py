@@ -57,6 +57,7 @@ def test_real_forces_are_newtons():
     assert real_forces(before, now, SPEED, 1e-4, CAR) == pytest.approx(expected, abs=1.0)
 
 
+@pytest.mark.closed_loop
 def test_observer_finds_what_was_put_in():
     truth, estimate, x = Disturbance(0.01, 300.0, -150.0), Disturbance(), np.zeros(6)
     for k in range(400):
@@ -70,6 +71,7 @@ def test_observer_finds_what_was_put_in():
     assert estimate.rear == pytest.approx(truth.rear, rel=0.03)
 
 
+@pytest.mark.closed_loop
 def test_observer_learns_nothing_from_a_perfect_model():
     estimate, x = Disturbance(), np.zeros(6)
     for k in range(300):
@@ -82,6 +84,7 @@ def test_observer_learns_nothing_from_a_perfect_model():
     assert abs(estimate.front) + abs(estimate.rear) < 20.0
 
 
+@pytest.mark.closed_loop
 @pytest.mark.parametrize(
     "world",
     [{"angle": math.radians(1.0)}, {"forces": (300.0, 300.0)}, {"forces": (0.04 * CAR.load_f, 0.04 * CAR.load_r)}],
@@ -94,6 +97,7 @@ def test_steady_error_goes_and_stays_without_the_observer(world):
     assert abs(without[-1]) > 0.02
 
 
+@pytest.mark.closed_loop
 def test_transients_are_not_spoiled():
     scene = (Obstacle(40.0, 0.0, 4.5, 1.8),)
     with_it = World().drive(controller(scene), 8.0)
@@ -101,6 +105,7 @@ def test_transients_are_not_spoiled():
     assert np.abs(with_it - without).max() < 0.02
 
 
+@pytest.mark.closed_loop
 def test_friction_bound_falls_when_the_road_gives_less_and_recovers_slowly():
     truth = CAR._replace(friction=0.5)
     car, x, friction = CAR, np.zeros(6), 1.0
@@ -118,6 +123,7 @@ def test_friction_bound_falls_when_the_road_gives_less_and_recovers_slowly():
     assert observe_friction(x, x, SPEED, PERIOD, car, limits(car), 1.0) == pytest.approx(friction + 0.01 * PERIOD)
 
 
+@pytest.mark.closed_loop
 def test_friction_bound_stays_where_the_model_is_right():
     x, friction = np.zeros(6), 1.0
     for k in range(300):
@@ -128,6 +134,7 @@ def test_friction_bound_stays_where_the_model_is_right():
     assert friction > 0.97
 
 
+@pytest.mark.closed_loop
 def test_estimated_friction_reaches_the_prediction():
     slippery = controller((Obstacle(27.0, 0.0, 4.5, 1.8),), estimate_friction=True)
     World(friction=0.35).drive(slippery, 5.0)

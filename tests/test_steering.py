@@ -45,6 +45,7 @@ def footprint(state):
     return shapely.affinity.translate(turned, state.x, state.y)
 
 
+@pytest.mark.closed_loop
 @pytest.mark.parametrize("obstacles", [SINGLE, DOUBLE])
 def test_scenes_of_the_paper(obstacles):
     states, commands, plans = drive(obstacles)
@@ -57,6 +58,7 @@ def test_scenes_of_the_paper(obstacles):
     assert min(footprint(state).distance(box) for state in states for box in boxes) >= 0.18
 
 
+@pytest.mark.closed_loop
 def test_same_states_give_the_same_bits():
     first, second = drive(DOUBLE, duration=4.0), drive(DOUBLE, duration=4.0)
     assert [c.steer_angle for c in first[1]] == [c.steer_angle for c in second[1]]
@@ -71,12 +73,14 @@ def test_reset_forgets():
     assert [controller.step(state).steer_angle for state in states] == first
 
 
+@pytest.mark.closed_loop
 def test_mirrored_scene_gives_mirrored_steering():
     mirrored = tuple(replace(o, l=-o.l) for o in DOUBLE)
     a, b = drive(DOUBLE, duration=3.0)[1], drive(mirrored, duration=3.0)[1]
     assert [c.steer_angle for c in a] == pytest.approx([-c.steer_angle for c in b], abs=1e-6)
 
 
+@pytest.mark.closed_loop
 def test_curved_road_is_followed_without_offset():
     road = ReferencePath.from_segments([Arc(400.0, 0.01)])
     states, _, _ = drive((), road=road, duration=10.0)
@@ -84,6 +88,7 @@ def test_curved_road_is_followed_without_offset():
     assert np.abs(offsets).max() < 0.02
 
 
+@pytest.mark.closed_loop
 @pytest.mark.parametrize("delay", [1, 2])
 def test_delay_is_compensated(delay):
     states, _, plans = drive(SINGLE, ControllerConfig(input_delay_steps=delay, tyre_model="linear"), delay=delay)
@@ -91,6 +96,7 @@ def test_delay_is_compensated(delay):
     assert abs(states[-1].y) < 0.02
 
 
+@pytest.mark.closed_loop
 def test_steering_stays_within_its_limits():
     _, commands, _ = drive(DOUBLE, start=VehicleState(y=1.5, yaw=-0.3, v_x=12.0))
     angle = np.array([command.steer_angle for command in commands])
@@ -98,6 +104,7 @@ def test_steering_stays_within_its_limits():
     assert np.abs(np.diff(angle)).max() <= 0.02 * BMW.steer_rate_limit + 1e-9
 
 
+@pytest.mark.closed_loop
 def test_blocked_road_stops_the_car_before_it():
     wall = (Obstacle(80.0, 0.0, 1.0, 12.0),)
     states, commands, plans = drive(wall, duration=14.0)
@@ -111,6 +118,7 @@ def test_blocked_road_stops_the_car_before_it():
     assert min(plan.stop_distance for plan in plans) < 2.0
 
 
+@pytest.mark.closed_loop
 def test_comfortable_braking_where_the_distance_allows_it():
     states, _, _ = drive((Obstacle(100.0, 0.0, 1.0, 12.0),), duration=12.0)
     braking = -np.diff([state.v_x for state in states]) / 0.02
@@ -191,6 +199,7 @@ def test_any_state_gives_a_finite_command(y, yaw, v_x, v_y, yaw_rate, steer, x):
         assert abs(command.steer_angle) <= BMW.steer_limit + 0.01
 
 
+@pytest.mark.closed_loop
 @pytest.mark.parametrize("speed", [2.0, 5.0, 10.0, 20.0, 30.0])
 def test_one_tuning_holds_at_every_speed(speed):
     states, _, plans = drive((), start=VehicleState(y=1.0, v_x=speed), duration=8.0)
@@ -200,6 +209,7 @@ def test_one_tuning_holds_at_every_speed(speed):
     assert all(plan.feasible for plan in plans)
 
 
+@pytest.mark.closed_loop
 def test_literal_paper_drives_an_empty_road():
     states, commands, plans = drive((), ControllerConfig.preset("paper"), start=VehicleState(y=0.5, v_x=15.0))
     assert abs(states[-1].y) < 0.05
@@ -208,6 +218,7 @@ def test_literal_paper_drives_an_empty_road():
     assert max(abs(c.steer_angle) for c in commands) <= limit + 1e-6
 
 
+@pytest.mark.closed_loop
 def test_plan_tells_what_happened():
     _, _, plans = drive(SINGLE, duration=1.0)
     plan = plans[-1]
@@ -220,6 +231,7 @@ def test_plan_tells_what_happened():
     assert plan.sides[0] in (-1, 1)
 
 
+@pytest.mark.closed_loop
 @pytest.mark.parametrize("start", [VehicleState(y=5.0, v_x=10.0), VehicleState(yaw=1.0, v_x=5.0)])
 def test_starts_outside_the_corridor_come_back(start):
     states, _, plans = drive((), start=start, duration=15.0)
@@ -228,6 +240,7 @@ def test_starts_outside_the_corridor_come_back(start):
     assert plans[-1].feasible
 
 
+@pytest.mark.closed_loop
 def test_slow_leader_is_followed_at_a_gap():
     leader = Obstacle(40.0, 0.0, 4.5, 6.5, speed=5.0)
     states, commands, plans = drive((leader,), duration=12.0)
@@ -239,6 +252,7 @@ def test_slow_leader_is_followed_at_a_gap():
     assert all(plan.feasible for plan in plans)
 
 
+@pytest.mark.closed_loop
 def test_drives_on_when_the_road_clears():
     crossing = (Obstacle(60.0, -9.0, 2.0, 2.0), Obstacle(45.0, 0.0, 4.5, 7.0, speed=12.0))
     states, commands, _ = drive(crossing, start=VehicleState(v_x=5.0), config=ControllerConfig(cruise_speed=10.0))
@@ -246,6 +260,7 @@ def test_drives_on_when_the_road_clears():
     assert states[-1].v_x > 9.0
 
 
+@pytest.mark.closed_loop
 @pytest.mark.parametrize("distance", [20.0, 25.0, 30.0])
 def test_box_that_appears_late_is_still_passed(distance):
     box = Obstacle(distance, 0.0, 4.5, 1.8)
@@ -254,6 +269,7 @@ def test_box_that_appears_late_is_still_passed(distance):
     assert min(footprint(state).distance(shape) for state in states) > 0.15
 
 
+@pytest.mark.closed_loop
 @pytest.mark.parametrize(("distance", "gap"), [(20.0, 0.5), (25.0, 1.0), (60.0, 1.5)])
 def test_wall_that_appears_late_is_braked_for(distance, gap):
     states, commands, _ = drive((Obstacle(distance + 0.5, 0.0, 1.0, 12.0),), duration=14.0)
