@@ -9,7 +9,7 @@ def add_limits(commands: argparse._SubParsersAction) -> None:
     """Add `limits` and what is below it to the commands of `sidestep`."""
     limits = commands.add_parser("limits", help="how far the controller goes: speed, delay, random scenes, a day")
     below = limits.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for add in (_add_moose, _add_scenes, _add_delay, _add_endurance):
+    for add in (_add_moose, _add_scenes, _add_optimum, _add_delay, _add_endurance):
         add(below)
 
 
@@ -41,6 +41,11 @@ def _add_scenes(below: argparse._SubParsersAction) -> None:
     scenes.set_defaults(command=_scenes)
 
 
+def _add_optimum(below: argparse._SubParsersAction) -> None:
+    best = _add(below, "optimum", "peaks in the paper's scenes against the offline optimum", None)
+    best.set_defaults(command=_optimum)
+
+
 def _add_delay(below: argparse._SubParsersAction) -> None:
     delay = _add(below, "delay", "one step of delay, with and without compensation", "single-track")
     delay.set_defaults(command=_delay)
@@ -67,6 +72,13 @@ def _scenes(options: argparse.Namespace) -> int:
     return scenes(
         seeds, options.plant, options.overrides, options.jobs, _folder(options, "scenes"), options.command_line
     )
+
+
+def _optimum(options: argparse.Namespace) -> int:
+    from sidestep.validation.optimum import optimum
+
+    plants = (options.plant,) if options.plant else ("single-track", "mujoco")
+    return optimum(plants, options.overrides, _folder(options, "optimum"), options.command_line)
 
 
 def _delay(options: argparse.Namespace) -> int:
