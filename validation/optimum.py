@@ -127,7 +127,7 @@ def compare(scene: str, plant: str, peaks: Peaks) -> OptimumRow:
 
 
 def low_passed(time: Array, signal: Array) -> Array:
-    """The signal without what is faster than JERK_BANDWIDTH, without delay; constant before its start and after its end."""
+    """The signal without what is faster than JERK_BANDWIDTH, without delay; constant before and after its time."""
     rate = (len(time) - 1) / (time[-1] - time[0])
     beyond = min(round(rate), len(time) - 1)
     return sosfiltfilt(butter(2, JERK_BANDWIDTH, fs=rate, output="sos"), signal, padtype="constant", padlen=beyond)
