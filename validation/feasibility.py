@@ -29,7 +29,8 @@ REACTION_TIME = 0.3
 
 LAYER, SUBSTEPS = 0.2, 6
 """Time between two decisions, in [s], and exact checks within it."""
-_OFFSET_CELL, _HEADING_CELLS, _CURVATURE_CELLS = 0.2, 10, 4
+_OFFSET_CELL, _HEADING_CELLS, _CURVATURE_CELLS = 0.2, 10, 6
+_BUILD_UP = 1.2  # of the tightest curvature that is of use, in [s]
 _MOVES = np.array([0.0, -0.5, 0.5, -1.0, 1.0])  # share of the curvature limit, on top of the road's
 HORIZON = 20.0
 """Time at most until all is passed, and until which nothing hits the car after its stop, in [s]."""
@@ -87,7 +88,7 @@ def _search(scenario: Scenario, brake_from: float, horizon: float) -> Array:
         start, speeds, limits, _poses(path, boxes, times), boxes, path.table, path.period,
         (vehicle.front_extent + MARGIN, vehicle.rear_extent + MARGIN, 0.5 * vehicle.width + MARGIN),
         (-config.width_right, config.width_left),
-        (STEER_SHARE * vehicle.steer_rate_limit / vehicle.wheelbase, math.tan(vehicle.steer_limit) / vehicle.wheelbase),
+        STEER_SHARE * vehicle.steer_rate_limit / vehicle.wheelbase,
         layers,
     )  # fmt: skip
     if not found:
@@ -117,7 +118,7 @@ def _depth_first(start, speeds, limits, poses, boxes, table, period, car, edges,
         table, period: Of the path.
         car: Front, rear, half width with margin, in [m].
         edges: Right, left, in [m].
-        steering: Largest rate of curvature [1/(m s)] and curvature [1/m].
+        steering: Largest rate of curvature, in [1/(m s)].
         layers: Number of decisions.
 
     Returns:
@@ -145,7 +146,7 @@ def _depth_first(start, speeds, limits, poses, boxes, table, period, car, edges,
         _, l, heading, curvature = trace[at + SUBSTEPS]  # noqa: E741
         if abs(heading) > widest:
             continue
-        limit = _curvature_limit(speeds[at + SUBSTEPS], limits[at + SUBSTEPS], steering[1])
+        limit = _curvature_limit(speeds[at + SUBSTEPS], limits[at + SUBSTEPS], steering)
         i = int((l - edges[0]) / _OFFSET_CELL)
         j = _HEADING_CELLS + round(heading / widest * _HEADING_CELLS)
         k = _CURVATURE_CELLS + round(curvature / limit * _CURVATURE_CELLS)
@@ -157,8 +158,8 @@ def _depth_first(start, speeds, limits, poses, boxes, table, period, car, edges,
 
 
 @njit(cache=True, nogil=True)
-def _curvature_limit(speed, limit, tightest):
-    return min(limit / max(speed, 1.0) ** 2, tightest)
+def _curvature_limit(speed, acceleration, steering):
+    return min(acceleration / max(speed, 1.0) ** 2, _BUILD_UP * steering)
 
 
 @njit(cache=True, nogil=True)
@@ -168,10 +169,10 @@ def _advance(trace, at, move, speeds, limits, poses, boxes, table, period, car, 
     h = LAYER / SUBSTEPS
     for i in range(at, at + SUBSTEPS):
         v = 0.5 * (speeds[i] + speeds[i + 1])
-        limit = _curvature_limit(speeds[i], limits[i + 1], steering[1])
+        limit = _curvature_limit(speeds[i], limits[i + 1], steering)
         road = curvature_at(table, period, s)
         aim = min(max(road + move * limit, -limit), limit)
-        rate = min(steering[0], MAX_JERK / max(v, 1.0) ** 2)
+        rate = min(steering, MAX_JERK / max(v, 1.0) ** 2)
         bent = curvature + min(max(aim - curvature, -rate * h), rate * h)
         if abs(bent) > limit * (1.0 + 1e-9):
             return False
