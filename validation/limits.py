@@ -46,7 +46,7 @@ def upper_bound(failures: int, runs: int) -> float:
 
 def counted(failures: int, runs: int) -> str:
     """`k of n, at most p %`."""
-    return f"{failures} of {runs}, rate below {100.0 * upper_bound(failures, runs):.2g} %" if runs else "no run"
+    return f"{failures} of {runs}, rate at most {100.0 * upper_bound(failures, runs):.2g} %" if runs else "no run"
 
 
 def in_parallel(title: str, calls: Sequence[Callable[[], Result]], jobs: int) -> list[Result]:

@@ -67,7 +67,7 @@ class SceneRow:
     @property
     def failed(self) -> bool:
         """Whether physics would have allowed better, or a decision was not kept."""
-        return bool(self.error) or self.flips > 0 or (self.touched and self.physics != UNAVOIDABLE)
+        return bool(self.error) or (self.physics != UNAVOIDABLE and (self.touched or self.flips > 0))
 
 
 def scenes(seeds: Sequence[int], plant: str, overrides: Sequence[str], jobs: int, out: Path, command_line: str) -> int:

@@ -1,0 +1,53 @@
+"""The bound of a failure rate, against its definition and published numbers; files of results."""
+
+import csv
+import json
+import math
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import pytest
+from scipy.stats import binom
+
+from sidestep.validation.limits import Outcome, counted, in_parallel, upper_bound, write_outcome
+
+
+@pytest.mark.parametrize(("runs", "percent"), [(50, 5.8), (300, 1.0), (2995, 0.1)])
+def test_no_failure_bounds_the_rate(runs, percent):
+    assert 100.0 * upper_bound(0, runs) == pytest.approx(percent, abs=0.06)
+    assert upper_bound(0, runs) == pytest.approx(1.0 - 0.05 ** (1.0 / runs))
+
+
+@pytest.mark.parametrize(("failures", "runs"), [(1, 20), (3, 100), (17, 40)])
+def test_at_the_bound_so_few_failures_have_five_percent(failures, runs):
+    assert binom.cdf(failures, runs, upper_bound(failures, runs)) == pytest.approx(0.05)
+
+
+def test_failures_only_bound_nothing():
+    assert upper_bound(4, 4) == 1.0
+    assert counted(0, 0) == "no run"
+    assert counted(0, 300) == "0 of 300, rate at most 0.99 %"
+
+
+@dataclass(frozen=True)
+class Row:
+    name: str
+    value: float
+
+
+def test_rows_are_written_as_csv_and_json(tmp_path: Path):
+    rows = [Row("a", 1.5), Row("b", math.nan)]
+    write_outcome(tmp_path / "new", Outcome("things", {"total": 1.5}, rows, False), "sidestep limits things")
+    with (tmp_path / "new" / "things.csv").open(newline="") as stream:
+        assert list(csv.reader(stream)) == [["name", "value"], ["a", "1.5"], ["b", "nan"]]
+    assert json.loads((tmp_path / "new" / "things.json").read_text()) == {
+        "command_line": "sidestep limits things",
+        "passed": False,
+        "total": 1.5,
+        "rows": [{"name": "a", "value": 1.5}, {"name": "b", "value": None}],
+    }
+
+
+def test_results_come_in_the_order_of_the_calls():
+    assert in_parallel("squares", [partial(pow, n, 2) for n in range(6)], jobs=1) == [0, 1, 4, 9, 16, 25]
