@@ -186,11 +186,15 @@ def scene(case: Case, plant: str, speed: float, overrides: Sequence[str] = ()) -
     return replace(scenario, obstacles=obstacles, duration=2.0 * scenario.path.length / scenario.speed)
 
 
+def rolling(scenario: Scenario) -> Scenario:
+    """The scenario for a plant with the driver's feet off the pedals; the controller keeps its own."""
+    return replace(scenario, vehicle=scenario.vehicle.with_(max_acceleration=COASTING, max_braking=COASTING))
+
+
 def drive(scenario: Scenario, delay: float = 0.0) -> Drive:
     """Through the lanes once, rolling."""
     controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
-    rolling = replace(scenario, vehicle=scenario.vehicle.with_(max_acceleration=COASTING, max_braking=COASTING))
-    with open_plant(rolling) as plant:
+    with open_plant(rolling(scenario)) as plant:
         recording = cosimulate(controller, plant, scenario, DelayLine(delay))
     judgement = judge(recording, scenario)
     out = recording["s"][-1] - scenario.vehicle.rear_extent > ENTRY + sum(SECTIONS)

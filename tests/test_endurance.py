@@ -1,0 +1,62 @@
+"""A day's drive, in a few seconds of it: the road is closed, stints join, growth is measured."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sidestep.validation import endurance
+from sidestep.validation.cli import main
+from sidestep.validation.geometry import car_boxes, obstacle_boxes, signed_clearance
+from sidestep.validation.scenario import parse_scenario
+
+
+def scenario():
+    return parse_scenario(endurance._SCENE, "endurance")
+
+
+def test_the_road_is_closed():
+    path = scenario().path
+    assert path.closed
+    assert path.heading(path.length) - path.heading(0.0) == pytest.approx(math.tau)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_obstacles_leave_a_way_or_room_to_stop(seed):
+    now = scenario()
+    boxes = endurance.obstacles_ahead(now, 100.0, seed)
+    assert boxes == endurance.obstacles_ahead(now, 100.0, seed)
+    x, y = now.path.to_cartesian(100.0, 0.0)
+    car = car_boxes(now.vehicle, x, y, now.path.heading(100.0))
+    width = now.vehicle.width + 2.0 * now.controller.buffer
+    for box in boxes:
+        assert signed_clearance(car, obstacle_boxes(now.path, box, np.zeros(1)))[0] > now.speed**2 / (2.0 * 3.0) - 5.0
+        reach = (box.width * math.cos(box.heading) + box.length * abs(math.sin(box.heading))) / 2.0
+        widest = max(4.0 - box.l - reach, 4.0 + box.l - reach)
+        assert widest > width or box.width == 8.0
+
+
+def row(stint: int, memory: float) -> endurance.StintRow:
+    return endurance.StintRow(stint, "ok", "completed", 1.0, 480.0, 3000, 0, 0, 500.0, memory)
+
+
+def test_growth_is_what_comes_after_the_warm_up():
+    warm_up = [row(k, 100.0 + k) for k in range(endurance.WARM_UP)]
+    flat = [row(k, 150.0) for k in range(100)]
+    grown = [row(k, 150.0 + 0.1 * k) for k in range(100)]
+    assert endurance.memory_growth([*warm_up, *flat]) == pytest.approx(0.0)
+    assert endurance.memory_growth([*warm_up, *grown]) == pytest.approx(9.0)
+
+
+@pytest.mark.closed_loop
+def test_stints_join_and_the_command_counts(tmp_path: Path, capsys):
+    arguments = ["--plant", "linear", "--hours", str(3.0 * endurance.STINT / 3600.0), "--out", str(tmp_path)]
+    assert main(["limits", "endurance", *arguments, "--set", "duration=4.0"]) == 0
+    result = json.loads((tmp_path / "endurance.json").read_text())
+    assert [r["stint"] for r in result["rows"]] == [0, 1, 2]
+    assert all(r["steps"] == 400 and r["not_finite"] == 0 and r["late"] == 0 for r in result["rows"])
+    assert all(r["distance"] == pytest.approx(64.0, rel=0.05) for r in result["rows"])
+    assert result["touched"] == 0
+    assert "memory" in capsys.readouterr().out
