@@ -53,6 +53,7 @@ def solve(scenario: Scenario, sides: list[int], nodes: int) -> dict[str, np.ndar
         sparse.kron(every, step) - sparse.kron(next_one, np.eye(STATES)), sparse.kron(sparse.eye(nodes), ramp)
     ])  # fmt: skip
     rows, low, high = clearances(scenario, sides, v * dt * np.arange(nodes + 1))
+    rows = sparse.hstack([rows, sparse.csr_matrix((len(low), nodes))])
     count = STATES * (nodes + 1)
     largest = np.full(count + nodes, 1e3)
     largest[4:count:STATES], largest[count:] = vehicle.steer_limit, vehicle.steer_rate_limit
@@ -60,9 +61,9 @@ def solve(scenario: Scenario, sides: list[int], nodes: int) -> dict[str, np.ndar
     solver = piqp.SparseSolver()
     solver.settings.eps_abs, solver.settings.eps_rel = 1e-7, 0.0
     solver.setup(
-        sparse.block_diag([cost, sparse.csc_matrix((nodes, nodes))]).tocsc(), np.zeros(count + nodes),
-        dynamics.tocsc(), np.zeros(STATES * nodes),
-        sparse.hstack([rows, sparse.csc_matrix((rows.shape[0], nodes))]).tocsc(), low, high, -largest, largest,
+        sparse.csc_matrix(sparse.block_diag([cost, sparse.csc_matrix((nodes, nodes))])), np.zeros(count + nodes),
+        sparse.csc_matrix(dynamics), np.zeros(STATES * nodes),
+        sparse.csc_matrix(rows), low, high, -largest, largest,
     )  # fmt: skip
     if (status := solver.solve()) != piqp.PIQP_SOLVED:
         raise RuntimeError(f"{scenario.name}: {status}")
@@ -103,7 +104,7 @@ def peaks_of(optimum: dict[str, np.ndarray]) -> Peaks:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(description="Offline optimum of the paper's two scenes.")
     parser.add_argument("--nodes", type=int, default=800, help="default: %(default)s")
     parser.add_argument("--out", type=Path, default=RESULTS, help="default: %(default)s")
     options = parser.parse_args()
