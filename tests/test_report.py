@@ -1,11 +1,10 @@
 import json
 import math
-import re
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from html_page import check_self_contained
 from stand_in import Feedback, KinematicCar, shortened
 
 from sidestep.validation.cosimulation import cosimulate
@@ -16,44 +15,10 @@ from sidestep.validation.runs import Run
 from sidestep.validation.scenario import load_scenario
 from sidestep.validation.summary import strict_json, summarise
 
-VOID = {"meta", "link", "br", "hr", "img", "input"}
-
 DESIGN_KEYS = {
     "scenario", "plant", "verdict", "label", "min_clearance_m", "max_lateral_acceleration", "max_steer_rate",
     "rms_lateral_error_m", "infeasible_steps", "max_slack_m", "step_time_us", "real_time_factor", "can", "versions",
 }  # fmt: skip
-
-
-class Page(HTMLParser):
-    """Checks that every element is closed in its order, and collects what a browser would load."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.open, self.loads, self.links, self.words = [], [], [], []
-        self.feed(text)
-        assert self.open == []
-
-    def handle_starttag(self, tag, attrs):
-        if tag not in VOID:
-            self.open.append(tag)
-        values = dict(attrs)
-        self.loads += [values["src"]] if "src" in values else []
-        if tag in ("link", "image", "use"):
-            self.loads += [values[key] for key in ("href", "xlink:href") if key in values]
-        elif tag == "a":
-            self.links.append(values["href"])
-        assert tag != "script"
-
-    def handle_startendtag(self, tag, attrs):
-        self.handle_starttag(tag, attrs)
-        if tag not in VOID:
-            self.handle_endtag(tag)
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        self.words.append(data)
 
 
 def drive(scene="single-obstacle", overrides=(), aim=0.0, folder=None, duration=8.0, **car):
@@ -63,19 +28,6 @@ def drive(scene="single-obstacle", overrides=(), aim=0.0, folder=None, duration=
     can = {"sent": 0, "lost": 0, "interface": "off"}
     summary = summarise(scenario, recording, judgement, can=can, coupling="zero-delay", command_line="sidestep run <x>")
     return Run(scenario, recording, judgement, summary, folder)
-
-
-def check_self_contained(html):
-    page = Page(html)
-    assert all(load.startswith(("#", "data:")) for load in page.loads), page.loads
-    assert not re.search(r"url\((?!['\"]?#)|@import|<script|<iframe", html)
-    # namespaces are names, not addresses
-    assert set(re.findall(r"https?://[^\s\"'<>)]+", html)) <= {
-        "http://www.w3.org/2000/svg",
-        "http://www.w3.org/1999/xlink",
-    }
-    assert len(html) < 2 << 20
-    return page
 
 
 @pytest.fixture(scope="module")

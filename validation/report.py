@@ -1,25 +1,19 @@
 """What a run leaves on disk, and report.html of a run and of the demo: one file each, nothing loaded from outside."""
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
-
-from jinja2 import Environment, FileSystemLoader
-from markupsafe import Markup
 
 from sidestep.validation.comparison import Line, compared_signals, compared_top_view
 from sidestep.validation.console import HEADS, cells, number, row_name
 from sidestep.validation.files import write_text, written_to
+from sidestep.validation.pages import page, picture
 from sidestep.validation.recording import STEP_UNITS, write_columns
 from sidestep.validation.runs import Run
 from sidestep.validation.signals_figure import signals_figure
-from sidestep.validation.style import BLUE, GREEN, ORANGE, PURPLE, svg
+from sidestep.validation.style import BLUE, GREEN, ORANGE, PURPLE
 from sidestep.validation.summary import strict_json
 from sidestep.validation.topview import distance, top_view
 
-_PAGES = Environment(
-    loader=FileSystemLoader(Path(__file__).parent / "templates"), autoescape=True, trim_blocks=True, lstrip_blocks=True
-)
 _COLOURS = {"linear": ORANGE, "single-track": GREEN, "mujoco": BLUE, "linear (paper)": PURPLE}
 
 
@@ -40,12 +34,13 @@ def run_report(run: Run) -> str:
     """The page of one run: verdict and scene first, then numbers, signals, and what was run."""
     s = run.summary
     files = ["summary.json", "recording.csv", "steps.csv", *(["can.blf"] if s["can"]["sent"] else [])]
-    return _PAGES.get_template("run.html").render(
+    return page(
+        "run.html",
         name=f"{s['scenario']} on {s['plant']}" + (f", preset {s['preset']}" if s["preset"] != "default" else ""),
         summary=s,
         verdict=_sentence(s),
-        top_view=Markup(svg(top_view(run.scenario, run.recording, run.judgement))),
-        signals=Markup(svg(signals_figure(run.scenario, run.recording, run.judgement))),
+        top_view=picture(top_view(run.scenario, run.recording, run.judgement)),
+        signals=picture(signals_figure(run.scenario, run.recording, run.judgement)),
         numbers=_numbers(run),
         provenance=_provenance(s),
         files=files,
@@ -112,7 +107,8 @@ def demo_report(runs: Sequence[Run], summaries: Sequence[dict[str, Any]], passed
     good = sum(s["verdict"] == "pass" for s in counted)
     clearances = [s["min_clearance_m"] for s in counted if s.get("min_clearance_m") is not None]
     worst = f", worst clearance {min(clearances):.3f} m" if clearances else ""
-    return _PAGES.get_template("demo.html").render(
+    return page(
+        "demo.html",
         verdict="pass" if passed else "fail",
         sentence=f"{'PASS' if passed else 'FAIL'}: {good} of {len(counted)} runs passed{worst}",
         scenes=scenes,
@@ -137,5 +133,5 @@ def _scene(name: str, runs: Sequence[Run], summaries: Sequence[dict[str, Any]]) 
     ]
     if not shown:
         return {"name": name, "rows": rows}
-    top_view = Markup(svg(compared_top_view(shown[0].scenario, lines)))
-    return {"name": name, "rows": rows, "top_view": top_view, "signals": Markup(svg(compared_signals(lines)))}
+    top_view = picture(compared_top_view(shown[0].scenario, lines))
+    return {"name": name, "rows": rows, "top_view": top_view, "signals": picture(compared_signals(lines))}
