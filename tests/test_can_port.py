@@ -116,7 +116,7 @@ def test_a_frame_that_arrives_twice_counts_once(monkeypatch):
         for command in slalom(20):
             assert_same_but_quantised(port.transmit(command), command)
         assert (port.sent, port.lost) == (20, 0)
-        assert port.receiver.counts[CheckStatus.REPEATED] == 20
+        assert port.receiver.counts[CheckStatus.REPEATED] == 19  # the last one still waits
 
 
 def test_nothing_arrived_yet():

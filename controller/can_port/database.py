@@ -85,11 +85,13 @@ class ProtectedMessage:
             counter: Alive counter; taken modulo the range of the profile.
         """
         word = 0
-        finite = all(map(isfinite, values.values()))
-        for name, start, mask, _, scale, low, high, safe in self.signals:
-            steps = values[name] / scale if finite else safe
-            raw = low if steps < low else high if steps > high else round(steps)
-            word |= (raw & mask) << start
+        for name, start, mask, _, scale, low, high, _ in self.signals:
+            value = values[name]
+            if not isfinite(value):
+                word = self._safe
+                break
+            steps = value / scale
+            word |= ((low if steps < low else high if steps > high else round(steps)) & mask) << start
         data = bytearray(word.to_bytes(self.length, "little"))
         self.profile.protect(data, counter % self.profile.counters)
         return bytes(data)
@@ -110,6 +112,11 @@ class ProtectedMessage:
         for signal in self.signals:
             used |= signal.mask << signal.start
         return ~used & ((1 << 8 * self.length) - 1)
+
+    @cached_property
+    def _safe(self) -> int:
+        """The start values, packed."""
+        return sum((signal.safe & signal.mask) << signal.start for signal in self.signals)
 
     @property
     def is_fd(self) -> bool:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from math import isfinite, pi, remainder
+from typing import NamedTuple
 
 from sidestep.controller.can_port.database import ProtectedMessage, messages
 from sidestep.controller.can_port.e2e_state import E2EState
@@ -28,6 +29,8 @@ MAX_ANGLE = STEER_CMD.highest("SteerCmd_Angle")
 
 MAX_RATE_LIMIT = STEER_CMD.highest("SteerCmd_RateLimit")
 """Largest steering rate limit that STEER_CMD can carry, in [rad/s]."""
+
+_STATUSES = tuple(Status)  # faster than Status(number); two bits, four names
 
 
 class SteerMode(IntEnum):
@@ -73,8 +76,7 @@ class QpStatus(IntEnum):
         return cls.NUMERICS
 
 
-@dataclass(frozen=True, slots=True)
-class SteerFrame:
+class SteerFrame(NamedTuple):
     """A decoded STEER_CMD.
 
     Attributes:
@@ -175,7 +177,7 @@ def decode_steer_command(data: bytes | bytearray, time: float, message: Protecte
     asked, ready = values["SteerCmd_Enable"] == 1, values["SteerCmd_Mode"] == SteerMode.ANGLE
     enable = asked and ready and abs(angle) <= MAX_ANGLE
     plausible = enable or (angle == 0.0 and not asked and not ready)
-    status = Status(int(values["SteerCmd_Status"]))
+    status = _STATUSES[int(values["SteerCmd_Status"])]
     command = SteeringCommand(time, angle if enable else 0.0, values["SteerCmd_TargetSpeed"], status)
     return SteerFrame(command, enable, values["SteerCmd_RateLimit"], plausible)
 

@@ -108,14 +108,13 @@ class SteeringPort:
         self.close()
 
     def _receive(self, time: float, expected: bytes | None) -> bool:
-        """Take in every waiting frame, waiting for the expected one; whether that one was accepted."""
-        accepted = False
+        """Take in what waits, or comes in time, up to the expected frame; whether that one was accepted."""
         deadline = 0.0 if expected is None else monotonic() + _PATIENCE
         while message := self._bus.receive(max(0.0, deadline - monotonic()) if deadline else 0.0):
             usable = self._accept(message, time)
             if message.data == expected:
-                accepted, deadline = accepted or usable, 0.0
-        return accepted
+                return usable
+        return False
 
     def _accept(self, message: can.Message, time: float) -> bool:
         if self._record:
