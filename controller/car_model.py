@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from sidestep.plant_models.tyre import magic_formula
 from sidestep.plant_models.vehicle import GRAVITY, VehicleParameters
 
-SLOPE_STEP = 1e-4
+SLOPE_STEP = 1e-5
 """Half the step of the central difference that gives a tangent, in [rad]."""
 PEAK_STEP = 5e-4
 """Accuracy of the peak's slip angle, in [rad]."""
-LEAST_SLOPE = 0.05
+LEAST_SHARE = 0.05
 """A tangent is at least this share of the slope at zero slip: steering must keep its effect beyond the peak."""
 
 
@@ -68,15 +68,20 @@ def axle_force(slip, stiffness, load, car):
 
 
 @njit(cache=True, nogil=True)
-def tangent(slip, stiffness, load, car):
-    """Slope [N/rad] and force at zero slip [N] of the line that touches the axle's force at a slip angle."""
+def least_slope(stiffness, load, car):
+    """Slope that a tangent of an axle has at least, in [N/rad]; arguments as of `axle_force`."""
+    return LEAST_SHARE * axle_force(SLOPE_STEP, stiffness, load, car) / SLOPE_STEP
+
+
+@njit(cache=True, nogil=True)
+def tangent(slip, least, stiffness, load, car):
+    """Slope [N/rad], not below `least`, and force at zero slip [N] of the line that touches the axle's force."""
     if not car.affine:
         return stiffness, 0.0
-    force = axle_force(slip, stiffness, load, car)
-    rise = axle_force(slip + SLOPE_STEP, stiffness, load, car) - axle_force(slip - SLOPE_STEP, stiffness, load, car)
-    least = LEAST_SLOPE * axle_force(SLOPE_STEP, stiffness, load, car) / SLOPE_STEP
-    slope = max(rise / (2.0 * SLOPE_STEP), least)
-    return slope, force - slope * slip
+    below = axle_force(slip - SLOPE_STEP, stiffness, load, car)
+    above = axle_force(slip + SLOPE_STEP, stiffness, load, car)
+    slope = max((above - below) / (2.0 * SLOPE_STEP), least)
+    return slope, 0.5 * (above + below) - slope * slip
 
 
 @njit(cache=True, nogil=True)

@@ -54,7 +54,9 @@ class Corridor(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def plan_corridor(s, offset, speed, cruise, now, boxes, table, period, committed, settings, grid, turn_times, turn):
+def plan_corridor(
+    s, offset, speed, cruise, now, boxes, table, period, committed, settings, grid, times, states, age
+):  # fmt: skip
     """Search the path and bound the footprint along the prediction.
 
     Args:
@@ -66,7 +68,7 @@ def plan_corridor(s, offset, speed, cruise, now, boxes, table, period, committed
         committed: Passing sides kept from the step before, shape (M,).
         settings: PlannerSettings.
         grid: NodeGrid.
-        turn_times, turn: Curvature that the last prediction drove, over time from now, shape (K,), in [s] and [1/m].
+        times, states, age: The last Prediction, whose yaw rate tells the curvature that the car will drive.
 
     Returns:
         The fields of `Corridor`, those of PlannedPath as a tuple.
@@ -91,7 +93,7 @@ def plan_corridor(s, offset, speed, cruise, now, boxes, table, period, committed
     offsets, slope = path_reference(path_stations, path_offsets, stations, max(1.0, SLOPE_TIME * pace))
     bounds = footprint_bounds(
         stations, grid.times, 0.5 * pace * grid.steps + settings.buffer, grid.levers, grid.clearance,
-        np.interp(grid.times, turn_times, turn), curvature, polygons, speeds, sides,
+        np.interp(grid.times, times - age, states[:, 3]) / max(speed, 1.0), curvature, polygons, speeds, sides,
         settings.right_edge, settings.left_edge,
     )  # fmt: skip
     gap, gap_speed = math.inf, 0.0

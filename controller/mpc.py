@@ -11,8 +11,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from sidestep.controller.car_model import Car
-from sidestep.controller.prediction import STATES, grid
-from sidestep.controller.qp import RESERVE, SLACKS, add_violated, condense, fill_cost, fill_lines, fill_rows
+from sidestep.controller.prediction import STATES, Prediction, grid, linearise
+from sidestep.controller.qp import NEAREST, RESERVE, SLACKS, add_violated, condense, fill_cost, fill_lines, fill_rows
 
 Array = NDArray[np.float64]
 
@@ -59,8 +59,7 @@ class Problem:
     x_u: Array
 
 
-@dataclass(frozen=True)
-class Solution:
+class Solution(NamedTuple):
     """What one step's solve gave.
 
     Attributes:
@@ -90,18 +89,18 @@ class Solution:
 
 
 @njit(cache=True, nogil=True)
-def _fill(x0, speed, path, heading, turn_rate, bounds, forces, slip_limits, moves, car, grid, weights, limits,
-          first, slip_nodes, free, response, lines, cost, rows):  # fmt: skip
+def _fill(x0, speed, path, heading, turn_rate, bounds, times, states, age, disturbance, slip_limits, moves, car,
+          grid, force_times, weights, limits, first, slip_nodes, soft, free, response, forces, lines, cost,
+          rows):  # fmt: skip
     period, level, block, group = grid
+    linearise(force_times + age, times, states, speed, disturbance, car, forces)
     condense(x0, speed, car, period, level, block, group, forces, turn_rate, free, response)
     fill_cost(speed, car, period, level, block, group, forces, path, heading, weights, free, response,
               cost[0], cost[1])  # fmt: skip
     values, slopes, low, high = lines
-    fill_lines(speed, car, limits.levers, bounds, first, slip_nodes, slip_limits, free, response, values, slopes,
-               low, high)  # fmt: skip
-    corridor_lines = values.shape[0] - 2 * slip_nodes.shape[0]
-    fill_rows(moves, corridor_lines, limits.steer, block, values, slopes, low, high, free, response,
-              rows[0], rows[1], rows[2])  # fmt: skip
+    fill_lines(speed, car, limits.levers, bounds, first, slip_nodes, slip_limits, limits.steer, block, free, response,
+               values, slopes, low, high)  # fmt: skip
+    fill_rows(moves, soft, values, slopes, low, high, rows[0], rows[1], rows[2])
 
 
 @njit(cache=True, nogil=True)
@@ -168,17 +167,19 @@ class Mpc:
         nodes, moves = len(self.level), int(self.block[-1]) + 1
         first = int(np.searchsorted(self.times, FIRST_CORRIDOR_TIME))
         slip_nodes = np.arange(2, min(nodes, 17), 2)
-        self.corridor_lines = 2 * (nodes - first)
-        count = self.corridor_lines + 2 * len(slip_nodes)
+        corridor = 2 * (nodes - first)
+        self.soft = (corridor, corridor + 2 * len(slip_nodes))
+        count = self.soft[1] + moves
         begins = np.searchsorted(self.group, np.arange(int(self.group[-1]) + 2))
         edges = np.concatenate([[0.0], self.times])[begins]
-        self.force_times: Array = 0.5 * (edges[1:] + edges[:-1])
+        self._force_times: Array = 0.5 * (edges[1:] + edges[:-1])
+        self.forces = np.empty((len(self._force_times), 4))
         self._grid = (period, self.level, self.block, self.group)
         self._limits, self._weights, self._line_nodes = limits, weights, (first, slip_nodes)
         self._prediction = (np.zeros((nodes, STATES)), np.zeros((nodes, STATES, moves)))
         self.lines = (np.empty(count), np.empty((count, moves)), np.empty(count), np.empty(count))
-        self._reduced = _Rows(moves, count + RESERVE + moves, limits.rate)
-        self._full = _Rows(moves, 2 * count + moves, limits.rate)
+        self._reduced = _Rows(moves, NEAREST + RESERVE, limits.rate)
+        self._full = _Rows(moves, 2 * count, limits.rate)
         self.reset()
 
     @property
@@ -187,7 +188,7 @@ class Mpc:
         return self._used.problem
 
     def _time_of_line(self, line: int) -> float:
-        return float(self.times[self._line_nodes[0] + line // 2]) if line < self.corridor_lines else math.inf
+        return float(self.times[self._line_nodes[0] + line // 2]) if line < self.soft[0] else math.inf
 
     def reset(self) -> None:
         """Forget the last solution, which only chooses the rows to begin with."""
@@ -195,29 +196,29 @@ class Mpc:
         self.moves = np.zeros(self._prediction[1].shape[2])
 
     def solve(self, x0: Array, speed: float, path: Array, heading: Array, turn_rate: Array, bounds: Array,
-              forces: Array, slip_limits: tuple[float, float], car: Car) -> Solution:  # fmt: skip
-        """Solve the step; arguments as in `qp`, all finite; `forces` are the lines at `force_times`."""
+              before: Prediction, disturbance: tuple[float, float], slip_limits: tuple[float, float],
+              car: Car) -> Solution:  # fmt: skip
+        """Solve the step; arguments as in `qp` and `prediction.linearise`, all finite."""
         began = time.perf_counter()
         rows = self._used = self._reduced
-        _fill(x0, speed, path, heading, turn_rate, bounds, forces, slip_limits, self.moves, car, self._grid,
-              self._weights, self._limits, *self._line_nodes, *self._prediction, self.lines, rows.cost,
-              rows.rows)  # fmt: skip
+        _fill(x0, speed, path, heading, turn_rate, bounds, *before, disturbance, slip_limits, self.moves, car,
+              self._grid, self._force_times, self._weights, self._limits, *self._line_nodes, self.soft,
+              *self._prediction, self.forces, self.lines, rows.cost, rows.rows)  # fmt: skip
         built = time.perf_counter()
         used, iterations = 0, 0
         while True:
             status, result = rows.solve()
             iterations += int(result.info.iter)
             z = np.array(result.x)  # a view that the next solve overwrites
-            before = used
-            used, corridor, slip, first = add_violated(z, used, TOLERANCE, self.corridor_lines, *self.lines, *rows.rows)
-            if used == before or status != piqp.PIQP_SOLVED or rows is self._full:
+            known = used
+            used, corridor, slip, first = add_violated(z, used, TOLERANCE, self.soft, *self.lines, *rows.rows)
+            if used == known or status != piqp.PIQP_SOLVED or rows is self._full:
                 break
             if used > RESERVE:
                 rows = self._used = self._full
                 for into, of in zip(rows.cost, self._reduced.cost, strict=True):
                     into[:] = of
-                fill_rows(self.moves, self.corridor_lines, self._limits.steer, self.block, *self.lines,
-                          *self._prediction, *rows.rows)  # fmt: skip
+                fill_rows(self.moves, self.soft, *self.lines, *rows.rows)
         solved = status == piqp.PIQP_SOLVED
         if solved:
             self.moves = z[:-SLACKS]

@@ -1,7 +1,7 @@
 """What the controller thought in its last step."""
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +11,7 @@ from sidestep.plant_models.signals import Status
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Plan:
+class Plan(NamedTuple):
     """Planned path, corridor, prediction and solver figures of one step.
 
     Attributes:

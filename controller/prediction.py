@@ -6,12 +6,13 @@ within each step), the heading rate of the road, and the axle forces at zero sli
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from sidestep.controller.car_model import axle_force, slip_angles, tangent
+from sidestep.controller.car_model import axle_force, least_slope, slip_angles, tangent
 
 STATES, WIDTH = 6, 10
 RATE, TURN, FRONT, REAR = 6, 7, 8, 9
@@ -20,8 +21,28 @@ HORIZON, COARSEST_STEP = 2.58, 0.16
 """Length of the prediction and of its longest step, in [s]."""
 SLOWEST = 1.0
 """Speed below which the model keeps the dynamics of this speed, in [m/s]: Eq. (5) divides by v."""
+_R = math.sqrt(177.0)
+_X3 = 2.0 / 3.0
+_X1, _X2 = _X3 * (1.0 + _R) / 88.0, _X3 * (1.0 + _R) / 352.0
+_X4, _X5 = (-271.0 + 29.0 * _R) / (315.0 * _X3), 11.0 * (-1.0 + _R) / (1260.0 * _X3)
+_X6, _X7 = 11.0 * (-9.0 + _R) / (5040.0 * _X3), (89.0 - _R) / (5040.0 * _X3**2)
+_Y2 = (857.0 - 58.0 * _R) / 630.0
+"""Of the polynomial in `exponential`."""
 SIMULATION_STEP = 5e-3
 """Step of the nonlinear forward simulation, in [s]."""
+
+
+class Prediction(NamedTuple):
+    """States ahead as an earlier step saw them.
+
+    Attributes:
+        times, states: Shapes (K,), in [s] from then, and (K, 6).
+        age: Time since then, in [s].
+    """
+
+    times: NDArray[np.float64]
+    states: NDArray[np.float64]
+    age: float
 
 
 @njit(cache=True, nogil=True)
@@ -56,7 +77,7 @@ def model_block(speed, slope_f, slope_r, car):
 
 @njit(cache=True, nogil=True)
 def _multiply(a, b, identity, out):
-    """Product of two upper blocks whose lower rows are [0, identity]."""
+    """Product of upper blocks: of [[a], [0, identity]] with [[b], [0, identity]]; with b's only, if a's is 0."""
     for i in range(STATES):
         for j in range(WIDTH):
             out[i, j] = identity * a[i, j] if j >= STATES else 0.0
@@ -71,7 +92,8 @@ def _multiply(a, b, identity, out):
 def exponential(a, dt):
     """Upper rows of the exponential of [[a], [0]] dt by scaling, an eighth-order Taylor polynomial and squaring.
 
-    The scaled norm stays below 1/4, which leaves a truncation error below 1e-11.
+    The scaled norm stays below 1/4, which leaves a truncation error below 1e-11. The polynomial takes three
+    products only: Bader, Blanes and Casas, Mathematics 7 (2019) 1174, Section 3.
 
     Args:
         a: Generator, shape (6, 10).
@@ -82,19 +104,29 @@ def exponential(a, dt):
     """
     norm = 0.0
     for i in range(STATES):
-        norm = max(norm, np.abs(a[i, :STATES]).sum() * dt)
+        row = 0.0
+        for j in range(STATES):
+            row += abs(a[i, j])
+        norm = max(norm, row * dt)
     squarings = 0
     while norm > 0.25:
         norm *= 0.5
         squarings += 1
     x = a * (dt / 2.0**squarings)
-    e, product = x / 8.0, np.empty((STATES, WIDTH))
-    for k in range(7, 0, -1):  # Horner: I + x/1 (I + x/2 (I + ...)), the identity kept apart
-        _multiply(x, e, 0.0, product)
-        for i in range(STATES):
-            for j in range(WIDTH):
-                e[i, j] = (product[i, j] + x[i, j]) / k
+    x2, x4, e, product = (np.empty_like(x), np.empty_like(x), np.empty_like(x), np.empty_like(x))
+    _multiply(x, x, 0.0, x2)
     for i in range(STATES):
+        for j in range(WIDTH):
+            product[i, j] = _X1 * x[i, j] + _X2 * x2[i, j]
+    _multiply(x2, product, 0.0, x4)
+    for i in range(STATES):
+        for j in range(WIDTH):
+            product[i, j] = _X5 * x[i, j] + _X6 * x2[i, j] + _X7 * x4[i, j]
+            x4[i, j] += _X3 * x2[i, j]
+    _multiply(x4, product, 0.0, e)
+    for i in range(STATES):
+        for j in range(WIDTH):
+            e[i, j] += x[i, j] + _Y2 * x2[i, j] + _X4 * x4[i, j]
         e[i, i] += 1.0
     for _ in range(squarings):
         _multiply(e, e, 1.0, product)
@@ -111,7 +143,7 @@ def double(e):
 
 
 @njit(cache=True, nogil=True)
-def linearise(times, states_time, states, speed, disturbance, car):
+def linearise(times, states_time, states, speed, disturbance, car, lines):
     """Axle forces as lines through the slip angles of an earlier prediction.
 
     Args:
@@ -120,20 +152,17 @@ def linearise(times, states_time, states, speed, disturbance, car):
         speed: v, in [m/s].
         disturbance: Forces to add at front and rear axle, in [N].
         car: Car.
-
-    Returns:
-        Slope and force at zero slip, front and rear, shape (G, 4), in [N/rad] and [N].
+        lines: Filled: slope and force at zero slip, front and rear, shape (G, 4), in [N/rad] and [N].
     """
     v = max(speed, SLOWEST)
-    lines = np.empty((times.shape[0], 4))
+    least_f, least_r = least_slope(car.stiffness_f, car.load_f, car), least_slope(car.stiffness_r, car.load_r, car)
     for g in range(times.shape[0]):
         i = min(np.searchsorted(states_time, times[g]), states_time.shape[0] - 1)
         front, rear = slip_angles(states[i, 2], states[i, 3], states[i, 4], v, car)
-        slope_f, force_f = tangent(front, car.stiffness_f, car.load_f, car)
-        slope_r, force_r = tangent(rear, car.stiffness_r, car.load_r, car)
+        slope_f, force_f = tangent(front, least_f, car.stiffness_f, car.load_f, car)
+        slope_r, force_r = tangent(rear, least_r, car.stiffness_r, car.load_r, car)
         lines[g, 0], lines[g, 1] = slope_f, force_f + disturbance[0]
         lines[g, 2], lines[g, 3] = slope_r, force_r + disturbance[1]
-    return lines
 
 
 @njit(cache=True, nogil=True)

@@ -1,9 +1,9 @@
 """The QP of the MPC (14)-(16), written straight into the solver's matrices.
 
 Decision z = [blocked steering rates, corridor slack, slip slack]; the states are condensed out. What is
-bounded are lines: front and rear end of the footprint at the nodes, front and rear slip angle at the nodes.
-A line has a lower and an upper bound, of which rarely more than one matters: each gets one row for the side
-that the last solution was nearer to, and a second row from a small reserve once a solution violates the other.
+bounded are lines: front and rear end of the footprint and front and rear slip angle at the nodes (soft), the
+commanded angle after each move (hard). Few of their bounds matter: those that the last solution came nearest
+to get a row, and one of the reserve goes to each other bound that a solution violates, until none is.
 When the reserve does not suffice, the problem is solved once more with both rows of every line.
 """
 
@@ -24,7 +24,9 @@ from sidestep.controller.prediction import (
     steady_gain,
 )
 
-SLACKS, RESERVE = 2, 8
+SLACKS = 2
+NEAREST, RESERVE = 20, 8
+"""Rows to begin with, and to add."""
 SLACK_UNIT, SLACK_CURVATURE = 0.01, 1e3
 """Slack is counted in centimetres and hundredths of a radian: with all variables of one order PIQP needs no
 preconditioner and half the iterations. The quadratic cost only keeps the QP strictly convex."""
@@ -59,16 +61,17 @@ def condense(x0, speed, car, period, level, block, group, forces, turn_rate, fre
                 e = double(e)
             elif not (same and level[k] == level[k - 1]):
                 e = exponential(model_block(speed, line[0], line[2], car), period * 2.0 ** level[k])
+        moves = block[k] + 1
         for i in range(STATES):
             value = e[i, TURN] * turn_rate[k] + e[i, FRONT] * line[1] + e[i, REAR] * line[3]
+            response[k, i, :moves] = 0.0
             for j in range(STATES):
-                value += e[i, j] * state[j]
+                factor = e[i, j]
+                if factor != 0.0:
+                    value += factor * state[j]
+                    for q in range(moves):
+                        response[k, i, q] += factor * slope[j, q]
             free[k, i] = value
-            for q in range(block[k] + 1):
-                value = 0.0
-                for j in range(STATES):
-                    value += e[i, j] * slope[j, q]
-                response[k, i, q] = value
             response[k, i, block[k]] += e[i, RATE]
         state, slope = free[k], response[k]
 
@@ -117,16 +120,18 @@ def fill_cost(speed, car, period, level, block, group, forces, path, heading, we
 
 
 @njit(cache=True, nogil=True)
-def fill_lines(speed, car, levers, bounds, first, slip_nodes, slip_limits, free, response, lines, slopes, low, high):
-    """Bounded lines: footprint ends from node `first` on (slack 0), then slip angles (slack 1).
+def fill_lines(speed, car, levers, bounds, first, slip_nodes, slip_limits, steer_limit, block, free, response, lines,
+               slopes, low, high):  # fmt: skip
+    """Bounded lines: footprint ends from node `first` on (slack 0), slip angles (slack 1), commanded angles (none).
 
     Args:
         levers: Front end (positive) and rear end (negative) from the centre of gravity, in [m].
         bounds: right and left at the front, right and left at the rear, shape (4, N), in [m]. Eq. (13).
         slip_nodes: Nodes with slip lines, shape (K,).
         slip_limits: Front and rear, in [rad].
+        steer_limit: In [rad].
         lines, slopes, low, high: Filled: value without moves, its slope, bounds; shapes (L,), (L, moves), (L,), (L,).
-        speed, car, free, response: See `condense`.
+        speed, car, block, free, response: See `condense`.
     """
     v = max(speed, SLOWEST)
     i = 0
@@ -144,61 +149,71 @@ def fill_lines(speed, car, levers, bounds, first, slip_nodes, slip_limits, free,
         for axle in range(2):
             low[i + axle], high[i + axle] = -slip_limits[axle], slip_limits[axle]
         i += 2
+    for k in range(block.shape[0]):
+        if k == block.shape[0] - 1 or block[k + 1] != block[k]:
+            lines[i], slopes[i] = free[k, 5], response[k, 5]
+            low[i], high[i] = -steer_limit, steer_limit
+            i += 1
 
 
 @njit(cache=True, nogil=True)
-def fill_rows(moves, corridor_lines, steer_limit, block, lines, slopes, low, high, free, response, G, h_l, h_u):
-    """Rows: the nearer bound of every line (soft), the reserve, the commanded angle per move (hard).
-
-    The reserve is empty, or holds the farther bounds if G has room for all of them.
+def fill_rows(moves, soft, lines, slopes, low, high, G, h_l, h_u):
+    """Rows: the bounds nearest to the last solution and an empty reserve; all bounds if G has room for them.
 
     Args:
         moves: Last solution, shape (moves,).
-        corridor_lines: How many lines take the corridor slack; the others take the slip slack.
-        steer_limit: In [rad].
-        block, lines, slopes, low, high, free, response: See `condense` and `fill_lines`.
+        soft: How many lines take the corridor slack, and how many any slack; the others are hard.
+        lines, slopes, low, high: See `fill_lines`.
         G, h_l, h_u: Filled.
     """
     G[:, :] = 0.0
-    count = lines.shape[0]
-    reserve = h_u.shape[0] - count - moves.shape[0]
-    h_l[count : count + reserve], h_u[count : count + reserve] = -np.inf, 1.0  # empty rows never act
+    h_l[:], h_u[:] = -np.inf, 1.0  # empty rows never act
+    count, rows = lines.shape[0], h_u.shape[0]
+    if rows == 2 * count:
+        for i in range(count):
+            put_row(i, i, True, soft, lines, slopes, low, high, G, h_l, h_u)
+            put_row(count + i, i, False, soft, lines, slopes, low, high, G, h_l, h_u)
+        return
+    below, above = np.empty(count), np.empty(count)
     for i in range(count):
         value = lines[i]
         for q in range(moves.shape[0]):
             value += slopes[i, q] * moves[q]
-        upper = value > 0.5 * (low[i] + high[i])
-        put_row(i, i, upper, corridor_lines, lines, slopes, low, high, G, h_l, h_u)
-        if reserve == count:
-            put_row(count + i, i, not upper, corridor_lines, lines, slopes, low, high, G, h_l, h_u)
-    row = count + reserve
-    for k in range(block.shape[0]):
-        if k == block.shape[0] - 1 or block[k + 1] != block[k]:
-            for q in range(block[k] + 1):
-                G[row, q] = response[k, 5, q]
-            h_l[row], h_u[row] = -steer_limit - free[k, 5], steer_limit - free[k, 5]
-            row += 1
+        width = max(high[i] - low[i], 1e-3)
+        below[i], above[i] = (value - low[i]) / width, (high[i] - value) / width
+    nearest = np.argsort(np.minimum(below, above))
+    for row in range(min(rows - RESERVE, count)):
+        i = nearest[row]
+        put_row(row, i, above[i] < below[i], soft, lines, slopes, low, high, G, h_l, h_u)
 
 
 @njit(cache=True, nogil=True)
-def put_row(row, i, upper, corridor_lines, lines, slopes, low, high, G, h_l, h_u):
+def put_row(row, i, upper, soft, lines, slopes, low, high, G, h_l, h_u):
     """Write one bound of line i into a row: sign (line - bound) <= slack."""
     sign, bound = (1.0, high[i]) if upper else (-1.0, low[i])
-    for q in range(slopes.shape[1]):
+    moves = slopes.shape[1]
+    for q in range(moves):
         G[row, q] = sign * slopes[i, q]
-    G[row, slopes.shape[1] + (0 if i < corridor_lines else 1)] = -SLACK_UNIT
-    h_l[row], h_u[row] = -np.inf, sign * (bound - lines[i])
+    for slack in range(SLACKS):
+        G[row, moves + slack] = -SLACK_UNIT if slack == slack_of(i, soft) else 0.0
+    h_u[row] = sign * (bound - lines[i])
 
 
 @njit(cache=True, nogil=True)
-def add_violated(z, used, tolerance, corridor_lines, lines, slopes, low, high, G, h_l, h_u):
+def slack_of(i, soft):
+    """Index of the slack of line i; SLACKS for a hard line."""
+    return 0 if i < soft[0] else 1 if i < soft[1] else SLACKS
+
+
+@njit(cache=True, nogil=True)
+def add_violated(z, used, tolerance, soft, lines, slopes, low, high, G, h_l, h_u):
     """Move violated bounds that have no row yet into the reserve.
 
     Args:
         z: Solution, shape (n,).
         used: Reserve rows in use.
         tolerance: Violation that is let pass, in [m] or [rad].
-        corridor_lines, lines, slopes, low, high, G, h_l, h_u: See `fill_rows`.
+        soft, lines, slopes, low, high, G, h_l, h_u: See `fill_rows`.
 
     Returns:
         Reserve rows in use now (more than RESERVE if it did not suffice), the worst excess over the bounds
@@ -206,18 +221,20 @@ def add_violated(z, used, tolerance, corridor_lines, lines, slopes, low, high, G
         over the corridor (their number if there is none).
     """
     moves, count = slopes.shape[1], lines.shape[0]
-    worst, first = np.zeros(SLACKS), count
+    worst, first = np.zeros(SLACKS + 1), count
+    begin = h_u.shape[0] - RESERVE
     for i in range(count):
-        group = 0 if i < corridor_lines else 1
+        slack = slack_of(i, soft)
         value = lines[i]
         for q in range(moves):
             value += slopes[i, q] * z[q]
         excess = max(low[i] - value, value - high[i])
-        worst[group] = max(worst[group], excess)
-        if group == 0 and excess > NOTICED and first == count:
+        worst[slack] = max(worst[slack], excess)
+        if slack == 0 and excess > NOTICED and first == count:
             first = i
-        if excess > max(z[moves + group], 0.0) * SLACK_UNIT + tolerance:
+        allowed = max(z[moves + slack], 0.0) * SLACK_UNIT if slack < SLACKS else 0.0
+        if excess > allowed + tolerance:
             if used < RESERVE:
-                put_row(count + used, i, value > high[i], corridor_lines, lines, slopes, low, high, G, h_l, h_u)
+                put_row(begin + used, i, value > high[i], soft, lines, slopes, low, high, G, h_l, h_u)
             used += 1
     return used, worst[0], worst[1], first

@@ -4,7 +4,6 @@ import math
 import pickle
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ from sidestep.controller.observer import Disturbance, observe_disturbance, obser
 from sidestep.controller.paper import PaperMpc
 from sidestep.controller.plan import Plan
 from sidestep.controller.planner import FREE, PlannedPath, PlannerSettings
-from sidestep.controller.prediction import advance, linearise
+from sidestep.controller.prediction import Prediction, advance
 from sidestep.controller.stopping import approach_speed
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import ReferencePath
@@ -148,9 +147,11 @@ class SteeringController:
         if self._cruise is None:
             self._cruise = v
         s, x0 = self._locate(state)
-        corridor = self._plan_corridor(s, x0[0], state)
+        good = self._good
+        before = Prediction(good.states_time, good.states, state.time - good.time) if good else _lasting(x0)
+        corridor = self._plan_corridor(s, x0[0], state, before)
         planned = time.perf_counter()
-        solution = self._solve(x0, corridor, state)
+        solution = self._solve(x0, corridor, v, before)
         target, stop_distance = self._longitudinal(corridor, solution, v)
         self._sides = corridor.path.sides
         if v < STANDSTILL:
@@ -179,7 +180,7 @@ class SteeringController:
             return s, x
         s += v * config.period * len(pending)
         turn_rate = v * self.path.curvature(s)
-        return s, advance(x, v, turn_rate, self._disturbance_forces(), pending, config.period, self._car)
+        return s, advance(x, v, turn_rate, self._disturbance[1:], pending, config.period, self._car)
 
     def _observe(self, state: VehicleState, x: Array) -> None:
         """Learn from how the last step really went."""
@@ -197,30 +198,19 @@ class SteeringController:
         if config.estimate_friction:
             self._believe(observe_friction(start, x, *step, config.friction))
 
-    def _disturbance_forces(self) -> Array:
-        return np.array([self._disturbance.front, self._disturbance.rear])
-
-    def _solve(self, x0: Array, corridor: Corridor, state: VehicleState) -> Solution:
-        mpc, v, good = self._mpc, state.v_x, self._good
+    def _solve(self, x0: Array, corridor: Corridor, v: float, before: Prediction) -> Solution:
+        mpc = self._mpc
         if isinstance(mpc, PaperMpc):
             return mpc.solve(x0, v, corridor.turn_rate, corridor.bounds, self.config.reference_offset)
-        if good is None:
-            times, states, age = np.zeros(1), x0[None], 0.0
-        else:
-            times, states, age = good.states_time, good.states, state.time - good.time
-        forces = linearise(mpc.force_times + age, times, states, v, self._disturbance_forces(), self._car)
         return mpc.solve(
-            x0, v, corridor.offset, corridor.slope, corridor.turn_rate, corridor.bounds, forces, self._slip_limits,
-            self._car,
+            x0, v, corridor.offset, corridor.slope, corridor.turn_rate, corridor.bounds, before,
+            self._disturbance[1:], self._slip_limits, self._car,
         )  # fmt: skip
 
-    def _plan_corridor(self, s: float, l: float, state: VehicleState) -> Corridor:  # noqa: E741
-        good = self._good
-        times = good.states_time - (state.time - good.time) if good else self._node_times
-        turn = good.states[:, 3] / max(state.v_x, 1.0) if good else np.zeros(len(times))
+    def _plan_corridor(self, s: float, l: float, state: VehicleState, before: Prediction) -> Corridor:  # noqa: E741
         path, offset, slope, turn_rate, bounds, gap, gap_speed = plan_corridor(
             s, l, state.v_x, self._cruise or 0.0, state.time, self._boxes, self.path.table, self.path.period,
-            self._sides, self._settings, self._grid, times, turn,
+            self._sides, self._settings, self._grid, *before,
         )  # fmt: skip
         return Corridor(PlannedPath(*path), offset, slope, turn_rate, bounds, gap, gap_speed)
 
@@ -266,8 +256,8 @@ class SteeringController:
             states[:, 4:] = held + self._disturbance.angle
             slower = (last.target_speed if last else 0.0) - self.config.comfort_braking * self.config.period
             status, target = Status.FAULT, max(slower, 0.0)
-        return replace(
-            base, time=now, status=status, states=states, solver_status=solver_status, feasible=False,
+        return base._replace(
+            time=now, status=status, states=states, solver_status=solver_status, feasible=False,
             target_speed=target,
         )  # fmt: skip
 
@@ -280,6 +270,11 @@ class SteeringController:
             solver_status="", iterations=0, primal_residual=0.0, dual_residual=0.0, slack_corridor=0.0,
             slack_slip=0.0, feasible=False, plan_us=0.0, build_us=0.0, solve_us=0.0, step_us=0.0,
         )  # fmt: skip
+
+
+def _lasting(x0: Array) -> Prediction:
+    """What the first step goes by: the present state, for ever."""
+    return Prediction(np.zeros(1), x0[None], 0.0)
 
 
 def _corridor_mpc(vehicle: VehicleParameters, c: ControllerConfig) -> Mpc:

@@ -8,7 +8,7 @@ import pytest
 from sidestep.controller import ControllerConfig, SteeringController
 from sidestep.controller.car_model import Car
 from sidestep.controller.mpc import Limits, Mpc, MpcWeights
-from sidestep.controller.prediction import FRONT, RATE, REAR, TURN, exponential, linearise, model_block, steady_gain
+from sidestep.controller.prediction import FRONT, RATE, REAR, TURN, Prediction, exponential, model_block, steady_gain
 from sidestep.controller.qp import SLACK_CURVATURE, SLACK_UNIT, SLACKS
 from sidestep.plant_models.linear_plant import LinearPlant
 from sidestep.plant_models.obstacle import Obstacle
@@ -25,12 +25,6 @@ DOUBLE = (Obstacle(40.0, -0.6, 4.5, 1.8), Obstacle(70.0, 0.8, 4.5, 1.8))
 CAR = Car.of(BMW, True, 1.0)
 
 
-def forces(mpc, car, rng):
-    """Lines through the tyre forces of some earlier prediction."""
-    states = rng.normal(0.0, [0.5, 0.05, 0.02, 0.1, 0.03, 0.03], (len(mpc.times), 6))
-    return linearise(mpc.force_times, mpc.times, states, 15.0, rng.normal(0.0, 200.0, 2), car)
-
-
 def make():
     return Mpc(0.02, WEIGHTS, LIMITS)
 
@@ -42,21 +36,21 @@ def case(mpc, seed):
     middle, width = rng.normal(0.0, 0.5, (2, n)).cumsum(axis=1) * 0.1, rng.uniform(0.2, 2.0, (2, n))
     bounds = np.stack([middle[0] - width[0], middle[0] + width[0], middle[1] - width[1], middle[1] + width[1]])
     path, turn_rate = rng.normal(0.0, 0.3, n), rng.normal(0.0, 0.05, n)
-    return x0, 15.0, path, np.zeros(n), turn_rate, bounds, forces(mpc, CAR, rng), (0.1, 0.1), CAR
+    before = Prediction(mpc.times, rng.normal(0.0, [0.5, 0.05, 0.02, 0.1, 0.03, 0.03], (n, 6)), 0.0)
+    disturbance = tuple(rng.normal(0.0, 200.0, 2))
+    return x0, 15.0, path, np.zeros(n), turn_rate, bounds, before, disturbance, (0.1, 0.1), CAR
 
 
 def all_rows(mpc):
     """The QP with both bounds of every line as rows of their own."""
-    p, (lines, slopes, low, high) = mpc.problem, mpc.lines
+    lines, slopes, low, high = mpc.lines
     moves, count = slopes.shape[1], len(lines)
     rows = np.zeros((2 * count, moves + SLACKS))
-    slack = np.where(np.arange(count) < mpc.corridor_lines, moves, moves + 1)
     rows[:count, :moves], rows[count:, :moves] = slopes, -slopes
-    rows[np.arange(count), slack] = rows[np.arange(count) + count, slack] = -SLACK_UNIT
-    upper = np.concatenate([high - lines, lines - low])
-    steer = p.G[-moves:]
-    g = np.vstack([rows, steer])
-    return g, np.concatenate([np.full(2 * count, -1e30), p.h_l[-moves:]]), np.concatenate([upper, p.h_u[-moves:]])
+    soft = np.arange(mpc.soft[1])
+    slack = np.where(soft < mpc.soft[0], moves, moves + 1)
+    rows[soft, slack] = rows[soft + count, slack] = -SLACK_UNIT
+    return rows, np.full(2 * count, -1e30), np.concatenate([high - lines, lines - low])
 
 
 def exact(mpc):
@@ -103,11 +97,11 @@ def test_kkt_residuals(seed):
 
 def test_prediction_is_the_simulated_model():
     mpc = make()
-    x0, v, path, heading, turn_rate, bounds, lines, slip, car = case(mpc, 3)
-    solution = mpc.solve(x0, v, path, heading, turn_rate, bounds, lines, slip, car)
+    x0, v, path, heading, turn_rate, *rest, car = case(mpc, 3)
+    solution = mpc.solve(x0, v, path, heading, turn_rate, *rest, car)
     x, before = x0.copy(), 0.0
     for k, t in enumerate(mpc.times):
-        slope_f, force_f, slope_r, force_r = lines[mpc.group[k]]
+        slope_f, force_f, slope_r, force_r = mpc.forces[mpc.group[k]]
         e = exponential(model_block(v, slope_f, slope_r, car), t - before)
         x = np.ascontiguousarray(e[:, :6]) @ x + e[:, RATE] * solution.z[mpc.block[k]]
         x += e[:, TURN] * turn_rate[k] + e[:, FRONT] * force_f + e[:, REAR] * force_r
@@ -115,12 +109,12 @@ def test_prediction_is_the_simulated_model():
         before = t
 
 
-def cost(mpc, states, z, v, path, heading, lines):
+def cost(mpc, states, z, v, path, heading):
     """Cost (15) written out from the predicted states."""
     steps = np.diff(mpc.times, prepend=0.0) / 0.1
     terminal = np.where(np.arange(len(steps)) == len(steps) - 1, 3.0, 1.0)
     s = states[1:]
-    slope_f, force_f, slope_r, force_r = lines[mpc.group].T
+    slope_f, force_f, slope_r, force_r = mpc.forces[mpc.group].T
     alpha_f = s[:, 4] - s[:, 2] - BMW.l_f * s[:, 3] / v
     alpha_r = -s[:, 2] + BMW.l_r * s[:, 3] / v
     a_y = (force_f + slope_f * alpha_f + force_r + slope_r * alpha_r) / BMW.mass
@@ -136,13 +130,11 @@ def cost(mpc, states, z, v, path, heading, lines):
 def test_qp_cost_is_equation_15():
     mpc = make()
     arguments = case(mpc, 5)
-    x0, v, path, heading, _, _, lines, _, _ = arguments
+    x0, v, path, heading, *_ = arguments
     solution = mpc.solve(*arguments)
     p, z = mpc.problem, solution.z
     free = np.vstack([x0, mpc._prediction[0]])
-    difference = cost(mpc, solution.states, z, v, path, heading, lines) - cost(
-        mpc, free, 0 * z, v, path, heading, lines
-    )
+    difference = cost(mpc, solution.states, z, v, path, heading) - cost(mpc, free, 0 * z, v, path, heading)
     assert 0.5 * z @ p.P @ z + p.c @ z == pytest.approx(difference, rel=1e-9)
 
 

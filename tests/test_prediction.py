@@ -68,28 +68,34 @@ def test_axle_forces_enter_like_those_of_the_tyres():
 
 def test_tangents_touch_the_magic_formula():
     for slip in (-0.1, -0.03, 0.0, 0.02, 0.08):
-        slope, force = tangent(slip, AFFINE.stiffness_f, AFFINE.load_f, AFFINE)
+        slope, force = tangent(slip, 0.0, AFFINE.stiffness_f, AFFINE.load_f, AFFINE)
         real = axle_force(slip, AFFINE.stiffness_f, AFFINE.load_f, AFFINE)
         beside = axle_force(slip + 1e-3, AFFINE.stiffness_f, AFFINE.load_f, AFFINE)
         assert force + slope * slip == pytest.approx(real)
         assert force + slope * (slip + 1e-3) == pytest.approx(beside, abs=5.0)
 
 
+def lines_of(times, *arguments):
+    lines = np.empty((len(times), 4))
+    linearise(times, *arguments, lines)
+    return lines
+
+
 def test_linear_car_has_the_same_line_everywhere():
     states = np.array([[0.0, 0.0, 0.05, 0.3, 0.1, 0.1]])
-    lines = linearise(np.array([0.0, 1.0]), np.zeros(1), states, 15.0, (0.0, 0.0), LINEAR)
+    lines = lines_of(np.array([0.0, 1.0]), np.zeros(1), states, 15.0, (0.0, 0.0), LINEAR)
     assert lines == pytest.approx(np.tile([LINEAR.stiffness_f, 0.0, LINEAR.stiffness_r, 0.0], (2, 1)))
 
 
 def test_disturbance_is_added_to_the_lines():
-    lines = linearise(np.zeros(1), np.zeros(1), np.zeros((1, 6)), 15.0, (100.0, -50.0), AFFINE)
+    lines = lines_of(np.zeros(1), np.zeros(1), np.zeros((1, 6)), 15.0, (100.0, -50.0), AFFINE)
     assert lines[0, [1, 3]] == pytest.approx([100.0, -50.0])
 
 
 def test_lines_follow_the_prediction_in_time():
     states = np.zeros((3, 6))
     states[:, 4] = [0.0, 0.05, 0.1]  # steering more and more: the front tyre softens
-    lines = linearise(np.array([0.0, 1.0, 2.0, 9.0]), np.arange(3.0), states, 15.0, (0.0, 0.0), AFFINE)
+    lines = lines_of(np.array([0.0, 1.0, 2.0, 9.0]), np.arange(3.0), states, 15.0, (0.0, 0.0), AFFINE)
     assert np.all(np.diff(lines[:3, 0]) < 0.0)
     assert lines[3] == pytest.approx(lines[2])
 

@@ -65,7 +65,7 @@ def flips(sides: list[int], time: list[float], speed: float = 10.0) -> int:
     box = Obstacle(40.0, 0.0, 4.0, 2.0)
     scenario = replace(load_scenario("single-obstacle"), obstacles=(box,))
     plans = [
-        replace(straight_plan(VehicleState(time=t)), time=t, sides=(side,)) for t, side in zip(time, sides, strict=True)
+        straight_plan(VehicleState(time=t))._replace(time=t, sides=(side,)) for t, side in zip(time, sides, strict=True)
     ]
     end = np.array([0.0, 100.0])
     samples = {"time": end, "s": end * speed, "v_x": np.full(2, speed)}

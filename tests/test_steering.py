@@ -175,7 +175,7 @@ def test_failing_solver_is_survived(monkeypatch):
         controller.step(good_state(0.02 * k))
     solve = controller._mpc.solve
     monkeypatch.setattr(
-        controller._mpc, "solve", lambda *a: replace(solve(*a), solved=False, status="PIQP_MAX_ITER_REACHED")
+        controller._mpc, "solve", lambda *a: solve(*a)._replace(solved=False, status="PIQP_MAX_ITER_REACHED")
     )
     statuses = [controller.step(good_state(0.02 * k)).status for k in range(20, 50)]
     assert statuses[0] is Status.DEGRADED
