@@ -42,7 +42,6 @@ CAR = np.dtype(
         ("max_braking", np.float64),
         ("max_acceleration", np.float64),
         ("wheel", np.int64, 4),  # bodies
-        ("hub", np.int64, 4),
         ("spin", np.int64, 4),  # joint velocities
         ("slide", np.int64, (4, 2)),  # joint positions and velocities
         ("steer", np.int64, 2),  # joint positions
@@ -84,30 +83,36 @@ def cross(a, b):
 
 
 @njit(cache=True, nogil=True)
-def relaxed_slip(deflection, slide_x, slide_y, rolling, dt, tyre):
+def vector(values, start):
+    """Three numbers of an array as a tuple; a slice would count references, which costs more than the numbers."""
+    return values[start], values[start + 1], values[start + 2]
+
+
+@njit(cache=True, nogil=True)
+def relaxed_slip(deflection_x, deflection_y, slide_x, slide_y, rolling, dt, tyre):
     """Advance the carcass deflection by one implicit step of u' = -v_s - |v_x| u / sigma.
 
     At rest u' = -v_s is a spring without a damper and without an end, so that at low speed the deflection
     is bounded where the force saturates, and the sliding speed damps (Pacejka, section 8.6).
 
     Args:
-        deflection: u, longitudinal and lateral, in [m]; shape (2,), overwritten.
+        deflection_x, deflection_y: u, in [m].
         slide_x, slide_y: Sliding velocity of the patch, in [m/s].
         rolling: Speed of the wheel centre along the wheel, in [m/s].
         dt: Step, in [s].
         tyre: `TyreParameters.as_array()`.
 
     Returns:
-        Slip ratio kappa, in [-], and slip angle alpha, in [rad].
+        The deflection after the step (2), slip ratio kappa, in [-], and slip angle alpha, in [rad].
     """
     length_x, length_y, rolling = tyre[0]["relaxation_x"], tyre[0]["relaxation_y"], abs(rolling)
-    x = (deflection[0] - dt * slide_x) / (length_x + dt * rolling)
-    y = (deflection[1] - dt * slide_y) / (length_y + dt * rolling)
+    x = (deflection_x - dt * slide_x) / (length_x + dt * rolling)
+    y = (deflection_y - dt * slide_y) / (length_y + dt * rolling)
     shrink = min(1.0, (_SLIP_AT_REST + rolling / _LOW_SPEED) / max(math.hypot(x, y), 1e-9))
-    x, y = shrink * x, shrink * y
-    deflection[0], deflection[1] = x * length_x, y * length_y
-    damping = 0.5 * (1.0 + math.cos(math.pi * min(rolling / _LOW_SPEED, 1.0))) / _DAMPING_SPEED
-    return x - damping * slide_x, math.atan(y - damping * slide_y)
+    x, y, damping = shrink * x, shrink * y, 0.0
+    if rolling < _LOW_SPEED:
+        damping = 0.5 * (1.0 + math.cos(math.pi * rolling / _LOW_SPEED)) / _DAMPING_SPEED
+    return x * length_x, y * length_y, x - damping * slide_x, math.atan(y - damping * slide_y)
 
 
 @njit(cache=True, nogil=True)
@@ -129,9 +134,8 @@ def friction_at(x, y, friction, patches):
 
 
 @njit(cache=True, nogil=True)
-def _axes(hub, normal):
+def _axes(axle, normal):
     """Directions ahead and left of a wheel in the road's plane, and the sine of its camber."""
-    axle = (hub[1], hub[4], hub[7])
     ahead = cross(axle, normal)
     length = math.sqrt(dot(ahead, ahead))
     ahead = (ahead[0] / length, ahead[1] / length, ahead[2] / length)
@@ -139,12 +143,12 @@ def _axes(hub, normal):
 
 
 @njit(cache=True, nogil=True)
-def _lift(i, state, force):
+def _lift(i, state, xfrc, wheel):
     state["load"][i] = 0.0
     state["deflection"][i, :] = 0.0
     state["slip"][i, :] = 0.0
     state["shear"][i, :] = 0.0
-    force[:] = 0.0
+    xfrc[wheel, :] = 0.0
 
 
 @njit(cache=True, nogil=True)
@@ -177,37 +181,38 @@ def tyre(i, dt, car, state, sensors, xipos, xmat, qvel, xfrc, pairs, damping, pa
         pairs, damping: Friction and friction reference of the tyre pairs in mjModel; written in `contact` mode.
         patches: See `friction_at`.
     """
-    patch, wheel = sensors[PATCH * i : PATCH * (i + 1)], car["wheel"][i]
-    force = xfrc[wheel]
-    normal, tangent, velocity = patch[5:8], patch[8:11], patch[11:14]
-    load = -car["tyre_stiffness"] * patch[1] - car["tyre_damping"] * velocity[0]
+    at, wheel = PATCH * i, car["wheel"][i]
+    depth, velocity = sensors[at + 1], vector(sensors, at + 11)
+    load = -car["tyre_stiffness"] * depth - car["tyre_damping"] * velocity[0]
     if car["mode"] == _STOCK:
         load = sensors[_FORCE + 3 * i]
-    if patch[0] == 0.0 or load <= 0.0:
-        _lift(i, state, force)
+    if sensors[at] == 0.0 or load <= 0.0:
+        _lift(i, state, xfrc, wheel)
         return
-    ahead, left, lean = _axes(xmat[car["hub"][i]], normal)
+    point, normal, tangent = vector(sensors, at + 2), vector(sensors, at + 5), vector(sensors, at + 8)
+    ahead, left, lean = _axes((xmat[wheel, 1], xmat[wheel, 4], xmat[wheel, 7]), normal)
     second = cross(normal, tangent)
-    along, across = dot(tangent, ahead), dot(tangent, left)
-    slide_x = velocity[1] * along + velocity[2] * dot(second, ahead)
-    slide_y = velocity[1] * across + velocity[2] * dot(second, left)
+    along, across = (dot(tangent, ahead), dot(second, ahead)), (dot(tangent, left), dot(second, left))
+    slide_x = velocity[1] * along[0] + velocity[2] * along[1]
+    slide_y = velocity[1] * across[0] + velocity[2] * across[1]
     slide_x -= car["belt"][0] * ahead[0] + car["belt"][1] * ahead[1]
     slide_y -= car["belt"][0] * left[0] + car["belt"][1] * left[1]
-    arm = (patch[2] - xipos[wheel, 0], patch[3] - xipos[wheel, 1], patch[4] - xipos[wheel, 2])
+    arm = (point[0] - xipos[wheel, 0], point[1] - xipos[wheel, 1], point[2] - xipos[wheel, 2])
     radius = math.sqrt(dot(arm, arm))
     rolling, camber = slide_x + qvel[car["spin"][i]] * radius, math.asin(lean)
-    friction = friction_at(patch[2], patch[3], car["friction"], patches)
+    friction = friction_at(point[0], point[1], car["friction"], patches)
     state["friction"][i], state["load"][i], state["arm"][i] = friction, load, radius
-    kappa, alpha = relaxed_slip(state["deflection"][i], slide_x, slide_y, rolling, dt, car["tyre"])
+    u = state["deflection"]
+    u[i, 0], u[i, 1], kappa, alpha = relaxed_slip(u[i, 0], u[i, 1], slide_x, slide_y, rolling, dt, car["tyre"])
     state["slip"][i, 0], state["slip"][i, 1] = kappa, alpha
     if car["mode"] == 0:
         fx, fy, moment = _law(i, kappa, alpha, camber, load, friction, car["tyre"])
         state["shear"][i, 0], state["shear"][i, 1] = fx, fy
-        _push(car, force, patch, arm, ahead, left, load, fx, fy, moment)
+        _push(xfrc, wheel, arm, ahead, left, normal, depth, fx, fy, moment, load if car["bears_load"] != 0 else 0.0)
         return
-    solved = sensors[_FORCE + 3 * i : _FORCE + 3 * i + 3]
-    state["shear"][i, 0] = solved[1] * along + solved[2] * dot(second, ahead)
-    state["shear"][i, 1] = solved[1] * across + solved[2] * dot(second, left)
+    _, solved_x, solved_y = vector(sensors, _FORCE + 3 * i)
+    state["shear"][i, 0] = solved_x * along[0] + solved_y * along[1]
+    state["shear"][i, 1] = solved_x * across[0] + solved_y * across[1]
     if car["mode"] == _CONTACT:
         c = _contact_damping(i, slide_x, slide_y, rolling, camber, load, friction, car["tyre"])
         damping[i, 1] = -c * car["damping_scale"][i]
@@ -215,14 +220,12 @@ def tyre(i, dt, car, state, sensors, xipos, xmat, qvel, xfrc, pairs, damping, pa
 
 
 @njit(cache=True, nogil=True)
-def _push(car, force, patch, arm, ahead, left, load, fx, fy, moment):
+def _push(xfrc, wheel, arm, ahead, left, normal, depth, fx, fy, moment, borne):
     """Write the wrench on the wheel's body, about its centre."""
-    normal = (patch[5], patch[6], patch[7])
     # The patch lies half the penetration below the road, where the wheel rolls; the car leans on the road.
-    rise = -0.5 * patch[1]
+    rise = -0.5 * depth
     road = (arm[0] + rise * normal[0], arm[1] + rise * normal[1], arm[2] + rise * normal[2])
     drive, lean, carry = cross(arm, ahead), cross(road, left), cross(arm, normal)
-    borne = load if car["bears_load"] != 0 else 0.0
     for k in range(3):
-        force[k] = fx * ahead[k] + fy * left[k] + borne * normal[k]
-        force[3 + k] = fx * drive[k] + fy * lean[k] + borne * carry[k] + moment * normal[k]
+        xfrc[wheel, k] = fx * ahead[k] + fy * left[k] + borne * normal[k]
+        xfrc[wheel, 3 + k] = fx * drive[k] + fy * lean[k] + borne * carry[k] + moment * normal[k]

@@ -1,7 +1,7 @@
 """The multibody car as a MuJoCo specification, built from the vehicle data alone.
 
 Free chassis, four vertical suspension slides with spring, damper, bump stops and anti-roll bars, two
-steered front hubs, four wheels. The frame of the body `chassis` is the total centre of gravity of the
+four wheels, those in front steered. The frame of the body `chassis` is the total centre of gravity of the
 car at rest, so that the default pose is the settled one, standing on the road plane z = 0.
 """
 
@@ -25,7 +25,6 @@ WHEELS = ("fl", "fr", "rl", "rr")
 # Ours: what the CommonRoad sets lack. It hardly shows in the motion of the car.
 _TYRE_WIDTH = 0.205  # [m]
 TYRE_DAMPING = 200.0  # vertical, [N s/m]
-_WHEEL_SHARE = 0.6  # of the unsprung mass; the rest is the hub
 _HUB_INERTIA = 0.3  # [kg m^2]
 _TRAVEL = 0.08  # of the suspension, either way, [m]
 _STOP_STIFFNESS, _STOP_DAMPING = 2.0e5, 2.0e3  # [N/m], [N s/m]
@@ -202,7 +201,7 @@ def sprung_body(vehicle: VehicleParameters) -> tuple[float, list[float], list[fl
         raise InputError("vehicle.mass", f"{vehicle.mass} kg", f"> {vehicle.mass - mass} kg, the unsprung mass")
     x = -sum(c.mass * c.x for c in stations) / mass
     z = -sum(c.mass * (c.height - vehicle.cg_height) for c in stations) / mass
-    unsprung = sum(c.mass * (c.x**2 + c.y**2) + _HUB_INERTIA + _across(data) for c in stations)
+    unsprung = sum(c.mass * (c.x**2 + c.y**2) + _upright(data) for c in stations)
     others = unsprung + mass * x**2
     roll, pitch, yaw = data.roll_inertia, data.pitch_inertia, vehicle.yaw_inertia - others
     if not abs(pitch - roll) <= yaw <= pitch + roll:
@@ -213,26 +212,24 @@ def sprung_body(vehicle: VehicleParameters) -> tuple[float, list[float], list[fl
     return mass, [x, 0.0, z], [roll, pitch, yaw]
 
 
-def _across(data: SuspensionParameters) -> float:
-    """Inertia of a wheel about its diameter, in [kg m^2]: half the spin inertia for a ring, more for its width."""
-    return 0.6 * data.wheel_spin_inertia
+def _upright(data: SuspensionParameters) -> float:
+    """Inertia of hub and wheel about a diameter, in [kg m^2]: half the spin's for a ring, more for its width."""
+    return _HUB_INERTIA + 0.6 * data.wheel_spin_inertia
 
 
 def _add_corner(spec: mujoco.MjSpec, chassis: mujoco.MjsBody, corner: Corner, vehicle: VehicleParameters) -> None:
     data, name = suspension_of(vehicle), corner.name
-    hub = chassis.add_body(name=f"hub_{name}", pos=[corner.x, corner.y, corner.height - vehicle.cg_height])
-    hub.explicitinertial = True
-    hub.mass, hub.inertia, hub.ipos = (1.0 - _WHEEL_SHARE) * corner.mass, [_HUB_INERTIA] * 3, [0.0, 0.0, 0.0]
-    slide = hub.add_joint(name=f"suspension_{name}", type=mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
+    # Hub and wheel are one body, the spin its last joint: a round wheel turns without a change of inertia.
+    wheel = chassis.add_body(name=f"wheel_{name}", pos=[corner.x, corner.y, corner.height - vehicle.cg_height])
+    wheel.explicitinertial = True
+    wheel.mass, wheel.ipos = corner.mass, [0.0, 0.0, 0.0]
+    wheel.inertia = [_upright(data), data.wheel_spin_inertia, _upright(data)]
+    slide = wheel.add_joint(name=f"suspension_{name}", type=mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
     slide.stiffness[0], slide.damping[0] = corner.spring, corner.damper
     slide.springref = (corner.mass * GRAVITY - corner.load) / corner.spring  # preload: rest is at zero
     slide.limited, slide.range = mujoco.mjtLimited.mjLIMITED_TRUE, [-_TRAVEL, _TRAVEL]
     if name[0] == "f":
-        hub.add_joint(name=f"steer_{name}", type=mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
-    wheel = hub.add_body(name=f"wheel_{name}")
-    wheel.explicitinertial = True
-    wheel.mass, wheel.ipos = _WHEEL_SHARE * corner.mass, [0.0, 0.0, 0.0]
-    wheel.inertia = [_across(data), data.wheel_spin_inertia, _across(data)]
+        wheel.add_joint(name=f"steer_{name}", type=mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
     wheel.add_joint(name=f"spin_{name}", type=mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
     # An ellipsoid: one contact, where a cylinder gives two and so doubles the stiffness.
     wheel.add_geom(
@@ -255,7 +252,7 @@ def _add_anti_roll_bars(spec: mujoco.MjSpec, data: SuspensionParameters) -> None
 
 
 def _add_actuators(spec: mujoco.MjSpec, data: SuspensionParameters) -> None:
-    damping = 2.0 * math.sqrt(_STEER_STIFFNESS * (_HUB_INERTIA + _across(data)))  # critical
+    damping = 2.0 * math.sqrt(_STEER_STIFFNESS * _upright(data))  # critical
     for name in WHEELS[:2]:
         servo = spec.add_actuator(name=f"steer_{name}", target=f"steer_{name}", trntype=mjtTrn.mjTRN_JOINT)
         servo.set_to_position(kp=_STEER_STIFFNESS, kv=damping)

@@ -121,7 +121,8 @@ class MujocoPlant:
             across = math.cos(angle) * v_y - math.sin(angle) * v_x
             own["friction"][i] = car["friction"]
             own["load"][i], own["arm"][i] = corner.load, (corner.height + car["wheel_radius"]) / 2.0
-            own["slip"][i] = relaxed_slip(own["deflection"][i], 0.0, across, along, _LONG, car["tyre"])
+            x, y, kappa, alpha = relaxed_slip(0.0, 0.0, 0.0, across, along, _LONG, car["tyre"])
+            own["deflection"][i], own["slip"][i] = (x, y), (kappa, alpha)
             self.data.qvel[car["spin"][i]] = along / own["arm"][i]
 
     def step(self, command: SteeringCommand, dt: float) -> VehicleState:
@@ -287,7 +288,6 @@ def _record(vehicle: VehicleParameters, model: mujoco.MjModel, friction: float) 
         "max_braking": vehicle.max_braking,
         "max_acceleration": vehicle.max_acceleration,
         "wheel": [model.body(f"wheel_{name}").id for name in WHEELS],
-        "hub": [model.body(f"hub_{name}").id for name in WHEELS],
         "spin": [joint[f"spin_{name}"].dofadr[0] for name in WHEELS],
         "slide": [(slide.qposadr[0], slide.dofadr[0]) for slide in slides],
         "steer": [joint[f"steer_{name}"].qposadr[0] for name in WHEELS[:2]],
