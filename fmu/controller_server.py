@@ -23,7 +23,7 @@ from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import ReferencePath
 from sidestep.plant_models.signals import VehicleState
-from sidestep.plant_models.tyre import TyreParameters
+from sidestep.plant_models.tyre_parameters import TyreParameters
 from sidestep.plant_models.vehicle import SuspensionParameters, VehicleParameters
 
 SOCKET = 3

@@ -9,7 +9,7 @@ from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.road import Arc, Clothoid, Line, ReferencePath
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
-from sidestep.plant_models.tyre import TyreParameters
+from sidestep.plant_models.tyre_parameters import TyreParameters
 from sidestep.plant_models.vehicle import SuspensionParameters, VehicleParameters, vehicle_presets
 
 if TYPE_CHECKING:

@@ -9,7 +9,8 @@ import math
 import numpy as np
 from numba import njit
 
-from sidestep.plant_models.tyre import TYRE, tyre_forces
+from sidestep.plant_models.tyre import tyre_forces
+from sidestep.plant_models.tyre_parameters import TYRE
 
 TYRE_MODES = ("magic-formula", "contact", "stock-contact")
 """Who supplies the shear: the law with relaxation, MuJoCo's contact tuned to the law, MuJoCo's contact."""

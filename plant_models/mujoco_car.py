@@ -7,25 +7,21 @@ car at rest, so that the default pose is the settled one, standing on the road p
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import mujoco
 from mujoco import mjtConDataField, mjtGeom, mjtJoint, mjtObj, mjtSensor, mjtTrn
 
 from sidestep.plant_models.contact_tyre import STATE, TYRE_MODES
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.mujoco_bodies import WHEELS, Corner, corners, sprung_body, suspension_of, upright_inertia
 from sidestep.plant_models.mujoco_looks import add_looks
 from sidestep.plant_models.mujoco_surface import HeightField, Surface
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.vehicle import GRAVITY, SuspensionParameters, VehicleParameters
 
-WHEELS = ("fl", "fr", "rl", "rr")
-"""Front left, front right, rear left, rear right: the order of everything that comes in fours."""
-
 # Ours: what the CommonRoad sets lack. It hardly shows in the motion of the car.
 _TYRE_WIDTH = 0.205  # [m]
 TYRE_DAMPING = 200.0  # vertical, [N s/m]
-_HUB_INERTIA = 0.3  # [kg m^2]
 _TRAVEL = 0.08  # of the suspension, either way, [m]
 _STOP_STIFFNESS, _STOP_DAMPING = 2.0e5, 2.0e3  # [N/m], [N s/m]
 _STEER_STIFFNESS = 3.0e5  # [N m/rad]
@@ -34,66 +30,6 @@ _HULL_BOTTOM, _HULL_TOP, _OBSTACLE_TOP = 0.15, 1.35, 1.5  # [m]
 _SOFT = 1e-4  # MuJoCo's least impedance: a constraint this soft is a plain spring and damper
 _FRICTION_RATIO = 5.0  # impratio of the tuned contact; its shear is too small by _SOFT times this, and more
 _DEEP = 0.25  # margin of a contact that is found but never pushes, [m]
-
-
-@dataclass(frozen=True)
-class Corner:
-    """One wheel station.
-
-    Attributes:
-        name: One of `WHEELS`.
-        x, y: Wheel centre from the centre of gravity, in [m].
-        load: Static wheel load, in [N].
-        height: Wheel centre above the road at that load, in [m].
-        mass: Unsprung mass, in [kg].
-        spring, damper: Wheel rate in [N/m], damping in [N s/m].
-    """
-
-    name: str
-    x: float
-    y: float
-    load: float
-    height: float
-    mass: float
-    spring: float
-    damper: float
-
-
-def suspension_of(vehicle: VehicleParameters) -> SuspensionParameters:
-    """The multibody data of `vehicle`.
-
-    Raises:
-        InputError: It has none.
-    """
-    if vehicle.suspension is None:
-        raise InputError("vehicle.suspension", f"{vehicle.name!r} has none, the MuJoCo car needs it", "a table")
-    return vehicle.suspension
-
-
-def corners(vehicle: VehicleParameters) -> tuple[Corner, ...]:
-    """The four wheel stations in the order of `WHEELS`.
-
-    Raises:
-        InputError: The vehicle has no suspension data.
-    """
-    data, result = suspension_of(vehicle), []
-    for name in WHEELS:
-        front, side = name[0] == "f", 1.0 if name[1] == "l" else -1.0
-        lever = vehicle.l_r if front else vehicle.l_f
-        load = vehicle.mass * GRAVITY * lever / vehicle.wheelbase / 2.0
-        result.append(
-            Corner(
-                name=name,
-                x=vehicle.l_f if front else -vehicle.l_r,
-                y=side * (data.track_front if front else data.track_rear) / 2.0,
-                load=load,
-                height=data.wheel_radius - load / data.tyre_stiffness,
-                mass=(data.unsprung_mass_front if front else data.unsprung_mass_rear) / 2.0,
-                spring=data.spring_front if front else data.spring_rear,
-                damper=data.damper_front if front else data.damper_rear,
-            )
-        )
-    return tuple(result)
 
 
 def car_spec(
@@ -187,43 +123,13 @@ def _add_chassis(spec: mujoco.MjSpec, vehicle: VehicleParameters) -> mujoco.MjsB
     return chassis
 
 
-def sprung_body(vehicle: VehicleParameters) -> tuple[float, list[float], list[float]]:
-    """Sprung mass, its centre from the total centre of gravity (3), its principal inertia (3).
-
-    What is left of the car's total mass, moments and yaw inertia when the wheel stations are taken off.
-
-    Raises:
-        InputError: Nothing is left, or an inertia that no rigid body can have.
-    """
-    data, stations = suspension_of(vehicle), corners(vehicle)
-    mass = vehicle.mass - sum(c.mass for c in stations)
-    if mass <= 0.0:
-        raise InputError("vehicle.mass", f"{vehicle.mass} kg", f"> {vehicle.mass - mass} kg, the unsprung mass")
-    x = -sum(c.mass * c.x for c in stations) / mass
-    z = -sum(c.mass * (c.height - vehicle.cg_height) for c in stations) / mass
-    unsprung = sum(c.mass * (c.x**2 + c.y**2) + _upright(data) for c in stations)
-    others = unsprung + mass * x**2
-    roll, pitch, yaw = data.roll_inertia, data.pitch_inertia, vehicle.yaw_inertia - others
-    if not abs(pitch - roll) <= yaw <= pitch + roll:
-        allowed = (
-            f"{abs(pitch - roll) + others:.0f} ... {pitch + roll + others:.0f}, from the sprung roll and pitch inertia"
-        )
-        raise InputError("vehicle.yaw_inertia", f"{vehicle.yaw_inertia} kg m^2", allowed)
-    return mass, [x, 0.0, z], [roll, pitch, yaw]
-
-
-def _upright(data: SuspensionParameters) -> float:
-    """Inertia of hub and wheel about a diameter, in [kg m^2]: half the spin's for a ring, more for its width."""
-    return _HUB_INERTIA + 0.6 * data.wheel_spin_inertia
-
-
 def _add_corner(spec: mujoco.MjSpec, chassis: mujoco.MjsBody, corner: Corner, vehicle: VehicleParameters) -> None:
     data, name = suspension_of(vehicle), corner.name
     # Hub and wheel are one body, the spin its last joint: a round wheel turns without a change of inertia.
     wheel = chassis.add_body(name=f"wheel_{name}", pos=[corner.x, corner.y, corner.height - vehicle.cg_height])
     wheel.explicitinertial = True
     wheel.mass, wheel.ipos = corner.mass, [0.0, 0.0, 0.0]
-    wheel.inertia = [_upright(data), data.wheel_spin_inertia, _upright(data)]
+    wheel.inertia = [upright_inertia(data), data.wheel_spin_inertia, upright_inertia(data)]
     slide = wheel.add_joint(name=f"suspension_{name}", type=mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
     slide.stiffness[0], slide.damping[0] = corner.spring, corner.damper
     slide.springref = (corner.mass * GRAVITY - corner.load) / corner.spring  # preload: rest is at zero
@@ -252,7 +158,7 @@ def _add_anti_roll_bars(spec: mujoco.MjSpec, data: SuspensionParameters) -> None
 
 
 def _add_actuators(spec: mujoco.MjSpec, data: SuspensionParameters) -> None:
-    damping = 2.0 * math.sqrt(_STEER_STIFFNESS * _upright(data))  # critical
+    damping = 2.0 * math.sqrt(_STEER_STIFFNESS * upright_inertia(data))  # critical
     for name in WHEELS[:2]:
         servo = spec.add_actuator(name=f"steer_{name}", target=f"steer_{name}", trntype=mjtTrn.mjTRN_JOINT)
         servo.set_to_position(kp=_STEER_STIFFNESS, kv=damping)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from sidestep.plant_models.contact_tyre import CAR, PATCH, STATE, TYRE_MODES, relaxed_slip
 from sidestep.plant_models.errors import InputError, PlantError
-from sidestep.plant_models.mujoco_car import TYRE_DAMPING, WHEELS, car_spec, corners, damping_scale, suspension_of
+from sidestep.plant_models.mujoco_bodies import WHEELS, corners, suspension_of
+from sidestep.plant_models.mujoco_car import TYRE_DAMPING, car_spec, damping_scale
 from sidestep.plant_models.mujoco_loop import ackermann, advance, observe
 from sidestep.plant_models.mujoco_surface import Surface, patch_table
 from sidestep.plant_models.obstacle import Obstacle

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from sidestep.plant_models.errors import InputError
-from sidestep.plant_models.tyre import TYRE, TyreParameters, cornering_stiffness
+from sidestep.plant_models.tyre import cornering_stiffness
+from sidestep.plant_models.tyre_parameters import TYRE, TyreParameters
 
 _TEXT = {
     "LENGTH": ("meter", "m"),

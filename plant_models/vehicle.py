@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from sidestep.plant_models.errors import InputError
-from sidestep.plant_models.tyre import TyreParameters
 from sidestep.plant_models.tyre_file import read_tyre
+from sidestep.plant_models.tyre_parameters import TyreParameters
 
 GRAVITY = 9.81
 """Acceleration of gravity used by every plant, in [m/s^2]."""

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from sidestep.plant_models.errors import InputError
-from sidestep.plant_models.mujoco_car import WHEELS, car_spec, corners
+from sidestep.plant_models.mujoco_bodies import WHEELS, corners
+from sidestep.plant_models.mujoco_car import car_spec
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.vehicle import GRAVITY, VehicleParameters, vehicle_presets
 

@@ -11,7 +11,7 @@ from sidestep.plant_models.check_plant import check_plant
 from sidestep.plant_models.contact_tyre import TYRE_MODES
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.linear_plant import LinearPlant
-from sidestep.plant_models.mujoco_car import WHEELS, corners
+from sidestep.plant_models.mujoco_bodies import WHEELS, corners
 from sidestep.plant_models.mujoco_plant import MujocoPlant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.tyre import magic_formula

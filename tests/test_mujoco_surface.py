@@ -8,7 +8,8 @@ import pytest
 
 from sidestep.plant_models.contact_tyre import TYRE_MODES, friction_at
 from sidestep.plant_models.errors import InputError
-from sidestep.plant_models.mujoco_car import WHEELS, car_spec, corners
+from sidestep.plant_models.mujoco_bodies import WHEELS, corners
+from sidestep.plant_models.mujoco_car import car_spec
 from sidestep.plant_models.mujoco_plant import MujocoPlant
 from sidestep.plant_models.mujoco_surface import FrictionPatch, HeightField, Surface, patch_table
 from sidestep.plant_models.road import Arc, ReferencePath

@@ -14,7 +14,8 @@ from sidestep.fmu.fmu_plant import FmuPlant
 from sidestep.fmu.plants import MODELS, vehicle_values
 from sidestep.plant_models.bicycle import continuous
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.plant_models.tyre import TyreParameters, cornering_stiffness, magic_formula
+from sidestep.plant_models.tyre import cornering_stiffness, magic_formula
+from sidestep.plant_models.tyre_parameters import TyreParameters
 from sidestep.plant_models.vehicle import GRAVITY, VehicleParameters
 
 CAR = VehicleParameters.preset("bmw-320i")

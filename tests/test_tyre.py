@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from sidestep.plant_models.contact_tyre import relaxed_slip
 from sidestep.plant_models.errors import InputError
-from sidestep.plant_models.tyre import TyreParameters, cornering_stiffness, magic_formula
+from sidestep.plant_models.tyre import cornering_stiffness, magic_formula
+from sidestep.plant_models.tyre_parameters import TyreParameters
 
 TYRE = TyreParameters()
 P = TYRE.as_array()

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sidestep.plant_models.tyre import TyreParameters, cornering_stiffness, magic_formula, tyre_forces
+from sidestep.plant_models.tyre import cornering_stiffness, magic_formula, tyre_forces
+from sidestep.plant_models.tyre_parameters import TyreParameters
 
 # Of the size that files of passenger-car tyres have, signs of our axes.
 FULL = TyreParameters(

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from sidestep.plant_models.mujoco_car import corners
+from sidestep.plant_models.mujoco_bodies import corners
 from sidestep.plant_models.mujoco_plant import MujocoPlant
 from sidestep.plant_models.tyre import magic_formula
 from sidestep.plant_models.vehicle import VehicleParameters

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from sidestep.fmu.fmu_plant import FmuPlant
 from sidestep.plant_models.contact_tyre import TYRE_MODES
 from sidestep.plant_models.linear_plant import LinearPlant
-from sidestep.plant_models.mujoco_car import corners
+from sidestep.plant_models.mujoco_bodies import corners
 from sidestep.plant_models.mujoco_plant import MujocoPlant
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from sidestep.plant_models.linear_plant import LinearPlant
-from sidestep.plant_models.mujoco_car import WHEELS, corners, suspension_of
+from sidestep.plant_models.mujoco_bodies import WHEELS, corners, suspension_of
 from sidestep.plant_models.mujoco_plant import MujocoPlant
 from sidestep.plant_models.mujoco_surface import HeightField, Surface
 from sidestep.plant_models.plant import Plant
