@@ -1,0 +1,87 @@
+"""What the MuJoCo car costs: its step beside MuJoCo's own of the same model, real time, threads.
+
+What is compared is timed in turns, and of each the least time counts: what the work takes when nothing disturbs it.
+The ratios carry from machine to machine, the times do not; two threads need two idle cores.
+"""
+
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import mujoco
+import numpy as np
+
+from sidestep.controller import SteeringController
+from sidestep.plant_models.mujoco_plant import MujocoPlant
+from sidestep.plant_models.signals import SteeringCommand, VehicleState
+from sidestep.plant_models.vehicle import VehicleParameters
+from sidestep.validation.cosimulation import cosimulate
+from sidestep.validation.plants import open_plant
+from sidestep.validation.scenario import load_scenario
+
+START, BEND = VehicleState(v_x=15.0), SteeringCommand(0.0, 0.02, 15.0)
+PERIOD, STEPS = 0.02, 20  # of the controller [s], and of the plant in it
+
+
+def in_turns(kernels: dict[str, Callable[[], object]], turns: int) -> dict[str, tuple[float, float]]:
+    """Least and median time of each, in [us]."""
+    times = {name: np.empty(turns) for name in kernels}
+    for k in range(turns):
+        for name, kernel in kernels.items():
+            began = time.perf_counter_ns()
+            kernel()
+            times[name][k] = (time.perf_counter_ns() - began) / 1000.0
+    return {name: (float(of.min()), float(np.median(of))) for name, of in times.items()}
+
+
+def car() -> MujocoPlant:
+    plant = MujocoPlant(VehicleParameters.preset("bmw-320i"))
+    plant.reset(START)
+    plant.step(BEND, PERIOD)
+    return plant
+
+
+def steps() -> dict[str, tuple[float, float]]:
+    """The plant's steps and MuJoCo's alone, of cars of their own."""
+    own, bare = car(), car()
+    kernels = {
+        "own": lambda: own.step(BEND, PERIOD),
+        "bare": lambda: mujoco.mj_step(bare.model, bare.data, STEPS),
+    }
+    return in_turns(kernels, 3000)
+
+
+def threads() -> float:
+    """How much faster two cars are driven by two threads than by one."""
+    cars = [car(), car()]
+
+    def drive(plant: MujocoPlant) -> None:
+        for _ in range(25):
+            plant.step(BEND, PERIOD)
+
+    with ThreadPoolExecutor(2) as pool:
+        found = in_turns({"one": lambda: list(map(drive, cars)), "two": lambda: list(pool.map(drive, cars))}, 150)
+    return found["one"][0] / found["two"][0]
+
+
+def real_time_factor() -> float:
+    """Best of some drives of the double scene with the controller at 50 Hz."""
+    scenario = load_scenario("double-obstacle", ["plant.kind=mujoco", f"controller.period={PERIOD}"])
+    controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
+    with open_plant(scenario) as plant:
+        runs = [cosimulate(controller, plant, scenario) for _ in range(8)]
+    return max(run.samples["time"][-1] / run.wall_time for run in runs)
+
+
+def main() -> None:
+    found = steps()
+    for name, (least, median) in found.items():
+        print(f"{name:5s} step of 1 ms: {least / STEPS:.1f} us, median {median / STEPS:.1f} us")
+    print(f"own over bare: {found['own'][0] / found['bare'][0]:.2f}")
+    print(f"car alone: {1e6 * PERIOD / found['own'][0]:.0f} x real time")
+    print(f"with the controller at 50 Hz: {real_time_factor():.0f} x real time")
+    print(f"two threads: {threads():.2f} x one")
+
+
+if __name__ == "__main__":
+    main()
