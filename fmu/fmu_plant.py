@@ -8,7 +8,7 @@ from typing import Self
 from sidestep.fmu.build import build_fmu
 from sidestep.fmu.estimation import Estimator, unwrapped
 from sidestep.fmu.instance import FmuInstance
-from sidestep.fmu.mapping import OUTPUTS, Mapping
+from sidestep.fmu.mapping import INPUTS, OUTPUTS, Mapping
 from sidestep.fmu.plants import find_model, vehicle_values
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
@@ -39,9 +39,10 @@ class FmuPlant:
         """
         self.path, self.mapping = Path(path), mapping
         self._fmu = FmuInstance(path)
+        self._input_names = [name for name in INPUTS if name in mapping.inputs]
         self._output_names = [name for name in OUTPUTS if name in mapping.outputs]
         try:
-            self._inputs = self._fmu.port([signal.variable for signal in mapping.inputs.values()])
+            self._inputs = self._fmu.port([mapping.inputs[name].variable for name in self._input_names])
             self._outputs = self._fmu.port([mapping.outputs[name].variable for name in self._output_names])
             self._fmu.port([signal.variable for signal in mapping.start.values()])
             self._fmu.check_known(mapping.parameters)
@@ -81,11 +82,13 @@ class FmuPlant:
             parameters: Further parameters of the FMU by name, in SI units: steer_offset, internal_step.
 
         Raises:
-            InputError: No such model, FMI version or parameter.
+            InputError: No such model, FMI version or parameter, or the car lacks what the model needs.
             CompilerError: The FMU is not built yet and there is no C compiler.
         """
         values = vehicle_values(vehicle) | {"friction": friction}
         known = {row.name for row in find_model(model).variables}
+        if "roll_inertia" in known - values.keys():
+            raise InputError("vehicle.suspension", f"{vehicle.name} has none; {model} needs it", "[suspension]")
         values = {name: value for name, value in values.items() if name in known} | parameters
         return cls(build_fmu(model, fmi), Mapping(parameters=values))
 
@@ -110,6 +113,19 @@ class FmuPlant:
             plant.mapping = Mapping(parameters=known)
             return plant
         return cls(path, mapping if isinstance(mapping, Mapping) else Mapping.from_file(mapping), vehicle)
+
+    def has_parameter(self, name: str) -> bool:
+        """Whether the FMU has a variable of this name."""
+        return name in self._fmu.variables
+
+    def set_parameter(self, name: str, value: float) -> None:
+        """Set a parameter, in the FMU's own unit, from the next reset on.
+
+        Raises:
+            InputError: The FMU has none of this name.
+        """
+        self._fmu.check_known({name: value})
+        self.mapping = replace(self.mapping, parameters=self.mapping.parameters | {name: value})
 
     def reset(self, state: VehicleState) -> VehicleState:
         """Start a new instance of the FMU at `state`, so far as the mapping has start parameters for it.
@@ -168,11 +184,17 @@ class FmuPlant:
         self.close()
 
     def _hold(self, command: SteeringCommand) -> None:
-        held = self._command
-        steer = command.steer_angle if math.isfinite(command.steer_angle) else held.steer_angle
-        speed = command.target_speed if math.isfinite(command.target_speed) else held.target_speed
-        self._command = SteeringCommand(command.time, steer, speed)
-        self._inputs.values[:] = self._input_values(self._signals["v_x"]) if self._is_foreign else (steer, speed)
+        steer, speed = command.steer_angle, command.target_speed
+        if not (math.isfinite(steer) and math.isfinite(speed)):
+            steer = steer if math.isfinite(steer) else self._command.steer_angle
+            speed = speed if math.isfinite(speed) else self._command.target_speed
+            command = SteeringCommand(command.time, steer, speed)
+        self._command = command
+        values = self._inputs.values
+        if self._is_foreign:
+            values[:] = self._input_values(self._signals["v_x"])
+        else:
+            values[0], values[1] = steer, speed
 
     def _input_values(self, speed: float) -> list[float]:
         """Values of the input variables for the command in force, at this speed in [m/s]."""
@@ -182,7 +204,7 @@ class FmuPlant:
             "steer_angle": self._command.steer_angle, "target_speed": target, "acceleration": acceleration,
             "throttle": max(acceleration, 0.0), "brake": max(-acceleration, 0.0),
         }  # fmt: skip
-        return [signal.from_signal(signals[name]) for name, signal in self.mapping.inputs.items()]
+        return [self.mapping.inputs[name].from_signal(signals[name]) for name in self._input_names]
 
     def _values(self) -> list[float]:
         """The outputs in the FMU's units."""

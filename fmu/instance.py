@@ -185,35 +185,34 @@ class FmuInstance:
 
     def _step(self, time: float, duration: float) -> None:
         done, size = 0.0, duration
-        while done < duration * (1.0 - 1e-9):
-            start = self._time = time + done
-            status = self._do_step(self._handle, ctypes.c_double(start), ctypes.c_double(size), *self._step_arguments)
-            if status > _WARNING and (status != _DISCARD or self.fixed_step or size <= duration * SMALLEST_PART):
-                raise self._failure(self._names[2], status)
-            if self._has_ended():
-                raise PlantError(f"{self.path.name}: the FMU ended the simulation in the step from t = {start:.6g} s")
-            reached = self._reached(start, size, status)
+        while True:
+            can_retry = not self.fixed_step and size > duration * SMALLEST_PART
+            reached = self._advance(time + done, size, can_retry)
+            done += reached
+            if done >= duration * (1.0 - 1e-9):
+                return
             if reached < size:
                 size *= 0.5
-            done += reached
             size = min(size, duration - done)
 
-    def _has_ended(self) -> bool:
-        return self._ended.value
+    def _advance(self, start: float, size: float, can_retry: bool) -> float:
+        """One call of doStep; how far it came, in [s]."""
+        self._time = self._start.value = start
+        self._size.value = size
+        status = self._do_step(self._handle, *self._step_arguments)
+        if status > _WARNING and not (status == _DISCARD and can_retry):
+            raise self._failure(self._names[2], status)
+        if self._ended:
+            raise PlantError(f"{self.path.name}: the FMU ended the simulation in the step from t = {start:.6g} s")
+        return self._reached(start, size) if status == _DISCARD or self._early else size
 
-    def _reached(self, start: float, size: float, status: int) -> float:
-        """How far the step from `start` came, in [s]: all of it, unless it was discarded or the FMU returned early."""
+    def _reached(self, start: float, size: float) -> float:
+        """How far the step from `start` came that was discarded or that the FMU returned from early, in [s]."""
         if self.is_fmi2:
-            if status != _DISCARD:
-                return size
-            last, query = ctypes.c_double(start), getattr(self._slave.dll.library, "fmi2GetRealStatus", None)
-            if query is None or query(self._handle, _LAST_SUCCESSFUL_TIME, ctypes.byref(last)) > _WARNING:
+            query = getattr(self._slave.dll.library, "fmi2GetRealStatus", None)
+            if query is None or query(self._handle, _LAST_SUCCESSFUL_TIME, ctypes.byref(self._last_time)) > _WARNING:
                 return 0.0
-            time = last.value
-        else:
-            if status != _DISCARD and not self._early.value:
-                return size
-            time = self._last_time.value
+        time = self._last_time.value
         return min(max(time - start, 0.0), size) if math.isfinite(time) else 0.0
 
     @property
@@ -238,11 +237,11 @@ class FmuInstance:
         else:
             self._names = ("fmi3SetFloat64", "fmi3GetFloat64", "fmi3DoStep")
         self._set, self._get, self._do_step = (library[name] for name in self._names)
-        self._ended, self._early, self._last_time = ctypes.c_bool(), ctypes.c_bool(), ctypes.c_double()
+        self._start, self._size, self._last_time = ctypes.c_double(), ctypes.c_double(), ctypes.c_double()
+        self._ended, self._early = ctypes.c_bool(), ctypes.c_bool()
         answers = (ctypes.c_bool(), self._ended, self._early, self._last_time)
-        self._step_arguments = (
-            (ctypes.c_int(1),) if self.is_fmi2 else (ctypes.c_bool(True), *map(ctypes.pointer, answers))
-        )
+        how = (ctypes.c_int(1),) if self.is_fmi2 else (ctypes.c_bool(True), *map(ctypes.pointer, answers))
+        self._step_arguments = (self._start, self._size, *how)
 
     def _instantiate(self) -> None:
         messages = self._messages

@@ -88,7 +88,7 @@ def foreign_fmu(folder):
     sources, model = folder / "foreign", MODELS["single-track"]
     sources.mkdir()
     for name, data in source_files(model).items():
-        if name in ("single_track.c", "car.c") or name.endswith(".h"):
+        if name in ("single_track.c", "tyre.c", "car.c") or name.endswith(".h"):
             (sources / name).write_bytes(data)
     starts = ", ".join(f"{{{row.constant}, {row.start!r}}}" for row in model.variables if row.start is not None)
     code = Path(__file__).with_name("foreign_car.c").read_text().replace("START_VALUES", f"{{{starts}}}")

@@ -122,11 +122,12 @@ def core(tmp_path_factory):
         if name.endswith(".h"):
             (folder / name).write_bytes(data)
     law = (
-        '\n__attribute__((visibility("default"))) double law(double a, double f, const double v[])'
-        "{ return lateral(a, f, v).force; }\n"
+        '\n__attribute__((visibility("default"))) double law(double a, double f, double side, const double v[])'
+        "{ return lateral(a, f, side, v).force; }\n"
     )
-    (folder / "core.c").write_bytes(source_files(MODEL)["single_track.c"] + law.encode())
-    (folder / "car.c").write_bytes(source_files(MODEL)["car.c"])
+    (folder / "core.c").write_bytes(source_files(MODEL)["tyre.c"] + law.encode())
+    for name in ("car.c", "single_track.c"):
+        (folder / name).write_bytes(source_files(MODEL)[name])
     compile_library(folder, folder / "core.so")
     library = ctypes.CDLL(str(folder / "core.so"))
     library.law.restype = ctypes.c_double
@@ -134,19 +135,29 @@ def core(tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    "tyre", [CAR.tyre, TyreParameters(p_dy2=-2.0, p_ey1=-1.5), CAR.tyre.without_load_sensitivity()]
+    "tyre",
+    [
+        CAR.tyre,
+        TyreParameters(p_dy2=-2.0, p_ey1=-1.5),
+        CAR.tyre.without_load_sensitivity(),
+        replace(CAR.tyre, p_ey1=-0.6, p_ey2=-0.9, p_ky4=1.7),
+        replace(CAR.tyre, p_hy1=0.003, p_hy2=-0.001, p_vy1=0.03, p_vy2=0.02, p_ey1=-1.0, p_ey2=3.0, p_ey3=0.2),
+    ],
+    ids=["default", "guarded", "insensitive", "curvature and stiffness", "shifted"],
 )
 def test_tyre_law_is_the_one_of_the_tyre_module(core, tyre):
     values = (ctypes.c_double * len(MODEL.variables))()
     for name, value in vehicle_values(replace(CAR, tyre=tyre)).items():
         if name in REFERENCE:
             values[REFERENCE[name]] = value
+    left, right = tyre.as_array(), tyre.mirrored().as_array()
     angles, loads, frictions = np.linspace(-1.5, 1.5, 41), [-1.0, 0.0, 300.0, 2681.3, 9000.0], [0.0, 0.3, 1.0]
     for angle, load, friction in itertools.product(angles, loads, frictions):
         values[REFERENCE["friction"]] = friction
-        found = core(ctypes.c_double(angle), ctypes.c_double(load), values)
-        expected = magic_formula(0.0, angle, load, friction, tyre.as_array())[1]
-        assert found == pytest.approx(expected, rel=1e-12, abs=1e-12)
+        for side, mounted in ((1.0, left), (-1.0, right)):
+            found = core(*map(ctypes.c_double, (angle, load, side)), values)
+            expected = magic_formula(0.0, angle, load, friction, mounted)[1]
+            assert found == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
 @pytest.fixture
@@ -160,7 +171,7 @@ def test_splitting_a_step_changes_nothing(plant):
         return 0.1 if t < 0.4 else -0.05, 12.0
 
     whole = drive(plant, VehicleState(v_x=15.0), command, 2.0, 0.02)
-    split = drive(plant, VehicleState(v_x=15.0), command, 2.0, 0.004)[::5]
+    split = drive(plant, VehicleState(v_x=15.0), command, 2.0, 0.005)[::4]
     np.testing.assert_allclose(split[:, 1:], whole[:, 1:], rtol=0, atol=1e-11)
 
 

@@ -65,7 +65,7 @@ def _add_demo(commands: argparse._SubParsersAction) -> None:
 def _add_run(commands: argparse._SubParsersAction) -> None:
     run = commands.add_parser("run", help="drive one scenario")
     run.add_argument("scenario", metavar="SCENARIO", help="a name that `sidestep scenarios` lists, or a TOML file")
-    run.add_argument("--plant", metavar="PLANT", help="linear, single-track, mujoco, or an .fmu file")
+    run.add_argument("--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, or an .fmu file")
     run.add_argument("--map", type=Path, metavar="MAP.toml", help="mapping file of an FMU that is not ours")
     run.add_argument(
         "--isolate", type=float, nargs="?", const=5.0, metavar="SECONDS",

@@ -15,7 +15,7 @@ def add_fmu(commands: argparse._SubParsersAction) -> None:
 
 def _add_build(commands: argparse._SubParsersAction) -> None:
     build = commands.add_parser("build", help="make an FMU of a plant")
-    build.add_argument("model", metavar="MODEL", help="single-track or linear")
+    build.add_argument("model", metavar="MODEL", help="single-track, double-track or linear")
     build.add_argument("--fmi", type=int, default=3, choices=(2, 3), help="default: %(default)s")
     build.add_argument("--out", type=Path, metavar="FILE", help="default: MODEL.fmu")
     build.set_defaults(command=_build)

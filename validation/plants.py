@@ -12,7 +12,7 @@ from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.validation.scenario import PlantSettings, Scenario
 from sidestep.validation.tables import did_you_mean
 
-PLANT_KINDS = ("linear", "single-track", "mujoco")
+PLANT_KINDS = ("linear", "single-track", "double-track", "mujoco")
 """Plants that come with the package; the path of an .fmu file is one more."""
 
 
@@ -42,10 +42,10 @@ def _bare_plant(scenario: Scenario) -> Plant:
         if not math.isclose(settings.friction, 1.0):
             raise InputError("plant.friction", f"{settings.friction}: linear tyres do not slide", "1.0")
         return LinearPlant(vehicle)
-    if settings.kind == "single-track":
+    if settings.kind in ("single-track", "double-track"):
         from sidestep.fmu.fmu_plant import FmuPlant
 
-        return FmuPlant.native(vehicle, friction=settings.friction)
+        return FmuPlant.native(vehicle, friction=settings.friction, model=settings.kind)
     if settings.kind == "mujoco":
         from sidestep.plant_models.mujoco_plant import MujocoPlant
 

@@ -31,7 +31,7 @@ class PlantSettings:
     """Which plant is driven, and how it differs from what the controller believes.
 
     Attributes:
-        kind: linear, single-track, mujoco, or an .fmu file, found from the scenario file's folder.
+        kind: linear, single-track, double-track, mujoco, or an .fmu file, found from the scenario file's folder.
         friction: Road friction as a factor on the tyres' peak.
         tyre: What shears the tyres of MuJoCo's car, see `MujocoPlant`.
         grade, bank: Rise of its road per metre along x and along y.

@@ -78,8 +78,13 @@ Status check_references(const Instance *instance, const uint32_t references[], s
 }
 
 Status get_values(Instance *instance, const uint32_t references[], size_t n, double values[]) {
+    int evaluate = instance->data.mode < STEPPING; /* later, states, inputs and parameters are up to date */
     if (check_references(instance, references, n)) return ERROR;
-    Status status = refresh(instance);
+    for (size_t i = 0; i < n; i++) {
+        Kind kind = VARIABLES[references[i]].kind;
+        if (kind == DERIVATIVE_KIND || kind == OUTPUT_KIND || kind == SAMPLED_KIND) evaluate = 1;
+    }
+    Status status = evaluate ? refresh(instance) : OK;
     for (size_t i = 0; i < n; i++) values[i] = instance->data.values[references[i]];
     return status;
 }

@@ -1,75 +1,28 @@
-/* Nonlinear single-track car; the equations are in documentation/index.html.
- *
- * Signs after ISO 8855: x forward, y left. A positive slip angle makes a force to the left.
- */
+/* Nonlinear single-track car; the equations are in documentation/index.html. */
 #include "car.h"
-
-static const double TYRE_RESERVE = 0.9;       /* braking and driving take no more than this part of the peak */
-static const double STANDSTILL_SPEED = 1.0;   /* carcass damping fades out until this speed [m/s] */
-static const double STANDSTILL_DAMPING = 0.05; /* [s] */
-static const double SLIDING_SPEED = 60.0;     /* keeps the rate of slip below (V + this) / sigma [m/s] */
+#include "tyre.h"
 
 typedef struct {
-    double force, peak, steepness; /* steepness = cornering stiffness / peak */
-} Tyre;
-
-typedef struct {
-    double slip_angle, force_x, force_y, slip_rate;
-} Axle;
-
-typedef struct {
-    Axle front, rear;
+    Wheel front, rear; /* forces of both tyres of the axle, in the car's axes */
     double acceleration_x, acceleration_y;
 } Motion;
 
-/* Peak factor of one tyre at this load; the guard is the one of plant_models/tyre.py. */
-static double peak_factor(double at_nominal, double change, double load, const double v[]) {
-    return larger(at_nominal + change * (load / v[TYRE_NOMINAL_LOAD] - 1.0), 0.1);
-}
-
-static double cornering_stiffness(double load, const double v[]) {
-    if (v[TYRE_P_KY2] <= 0.0) return v[TYRE_P_KY1] * load;
-    double t = load / (v[TYRE_P_KY2] * v[TYRE_NOMINAL_LOAD]);
-    return v[TYRE_P_KY1] * v[TYRE_NOMINAL_LOAD] * 2.0 * t / (1.0 + t * t); /* = sin(2 atan(t)) */
-}
-
-/* Magic Formula, pure lateral slip, one tyre. */
-static Tyre lateral(double slip_angle, double load, const double v[]) {
-    Tyre tyre = {0.0, 0.0, 0.0};
-    if (load <= 0.0 || v[FRICTION] <= 0.0) return tyre;
-    tyre.peak = peak_factor(v[TYRE_P_DY1], v[TYRE_P_DY2], load, v) * load * v[FRICTION];
-    tyre.steepness = cornering_stiffness(load, v) / tyre.peak;
-    double x = tyre.steepness / v[TYRE_P_CY1] * slip_angle;
-    tyre.force = tyre.peak * sin(v[TYRE_P_CY1] * atan(x - v[TYRE_P_EY1] * (x - atan(x))));
-    return tyre;
-}
-
-/* Two tyres under `load` in all, whose wheels move with u, w along and across themselves, asked for `demand`. */
-static Axle axle(double u, double w, double slip, double load, double demand, const double v[]) {
-    Axle a = {asin(clip(slip, -1.0, 1.0)), 0.0, 0.0, 0.0};
-    double speed = sqrt(u * u + w * w), sigma = v[TYRE_RELAXATION_Y], wheel_load = larger(load / 2.0, 0.0);
-    double peak_x = 2.0 * peak_factor(v[TYRE_P_DX1], v[TYRE_P_DX2], wheel_load, v) * wheel_load * v[FRICTION];
-    double fading = speed < STANDSTILL_SPEED ? 1.0 - speed / STANDSTILL_SPEED : 0.0;
-    Tyre tyre = lateral(a.slip_angle, wheel_load, v);
-    double damping = STANDSTILL_DAMPING * fading * fading * tyre.steepness * tyre.peak / sigma;
-    double used = peak_x > 0.0 ? clip(demand / peak_x, -TYRE_RESERVE, TYRE_RESERVE) : 0.0;
-    a.force_x = used * peak_x;
-    a.force_y = 2.0 * clip(tyre.force - damping * w, -tyre.peak, tyre.peak) * sqrt(1.0 - used * used);
-    double q = tyre.steepness * slip * tyre.steepness * slip; /* > 1: sliding, where the relaxation length shrinks */
-    a.slip_rate = (1.0 + q / (1.0 + q * speed / SLIDING_SPEED)) * (-w - speed * slip) / sigma;
-    return a;
+/* Both tyres of an axle. */
+static Wheel axle(double u, double w, double slip, double load, double demand, const double v[]) {
+    Wheel left = wheel(u, w, slip, 0.5 * load, 0.5 * demand, LEFT, v);
+    Wheel right = has_sides(v) ? wheel(u, w, slip, 0.5 * load, 0.5 * demand, RIGHT, v) : left;
+    left.force_x += right.force_x;
+    left.force_y += right.force_y;
+    return left;
 }
 
 /* Forces on the car in the given state; s points at the integrated states. */
 static Motion motion(const double v[], const double s[], double steer_angle) {
     Motion result;
-    double m = v[MASS], weight = m * GRAVITY, wheelbase = v[L_F] + v[L_R];
+    double m = v[MASS], weight = m * GRAVITY;
     double v_x = s[V_X - FIRST_STATE], v_y = s[V_Y - FIRST_STATE], r = s[YAW_RATE - FIRST_STATE];
     double delta = steer_angle + v[STEER_OFFSET], c = cos(delta), d = sin(delta);
-    double grip = TYRE_RESERVE * v[TYRE_P_DX1] * v[FRICTION] * GRAVITY;
-    double a_x = clip(asked_acceleration(v, v_x), -grip, grip);
-    double load_f = clip((weight * v[L_R] - m * a_x * v[CG_HEIGHT]) / wheelbase, 0.0, weight);
-    double load_r = weight - load_f;
+    double a_x = asked_of_tyres(v, v_x), load_f = front_load(v, a_x), load_r = weight - load_f;
     double front_y = v_y + v[L_F] * r, rear_y = v_y - v[L_R] * r;
     double demand = m * a_x / weight; /* per load: both axles use the same part of their grip */
     result.front = axle(v_x * c + front_y * d, front_y * c - v_x * d, s[FRONT_SLIP - FIRST_STATE],
@@ -108,16 +61,10 @@ void model_evaluate(double v[]) {
     v[REAR_SLIP_ANGLE] = now.rear.slip_angle;
 }
 
-/* Slip of tyres that have rolled like this for long. */
-static double settled(double u, double w) {
-    double speed = sqrt(u * u + w * w);
-    return speed > HOLD_SPEED ? -w / speed : 0.0;
-}
-
 void model_initialise(double v[]) {
     place(v);
     double delta = v[STEER_ANGLE] + v[STEER_OFFSET], c = cos(delta), d = sin(delta);
     double front_y = v[V_Y] + v[L_F] * v[YAW_RATE], rear_y = v[V_Y] - v[L_R] * v[YAW_RATE];
-    v[FRONT_SLIP] = settled(v[V_X] * c + front_y * d, front_y * c - v[V_X] * d);
-    v[REAR_SLIP] = settled(v[V_X], rear_y);
+    v[FRONT_SLIP] = settled_slip(v[V_X] * c + front_y * d, front_y * c - v[V_X] * d);
+    v[REAR_SLIP] = settled_slip(v[V_X], rear_y);
 }
