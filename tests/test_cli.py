@@ -137,7 +137,7 @@ def test_a_failed_run_is_exit_status_1(tmp_path):
         (["single-obstacle", "--set", "obstacles.0.width=-1"], ["obstacles[0].width", "> 0"]),
         (["single-obstacle", "--set", "obstacles.0.s=1"], ["obstacles[0]", "start"]),
         (["single-obstacle", "--set", "start.l=5"], ["start.l", "road's edge"]),
-        (["single-obstacle", "--plant", "mujco"], ["mujco", "did you mean mujoco?", "linear, single-track, double-track"]),
+        (["single-obstacle", "--plant", "mujco"], ["mujco", "did you mean mujoco?", "single-track, double-track"]),
         (["single-obstacle", "--plant", "none.fmu"], ["none.fmu"]),
         (["single-obstacle", "--plant", "broken.fmu"], ["broken.fmu"]),
         (["single-obstacle", "--plant", "linear", "--map", "a.toml"], ["plant.map", ".fmu"]),
