@@ -9,6 +9,7 @@ import math
 from collections.abc import Sequence
 
 import mujoco
+import numpy as np
 from mujoco import mjtConDataField, mjtGeom, mjtJoint, mjtObj, mjtSensor, mjtTrn
 
 from sidestep.plant_models.contact_tyre import STATE, TYRE_MODES
@@ -25,6 +26,7 @@ TYRE_DAMPING = 200.0  # vertical, [N s/m]
 _TRAVEL = 0.08  # of the suspension, either way, [m]
 _STOP_STIFFNESS, _STOP_DAMPING = 2.0e5, 2.0e3  # [N/m], [N s/m]
 _STEER_STIFFNESS = 3.0e5  # [N m/rad]
+_DELAY_SAMPLES = 4000  # of the steering's delay line, per second: no step of the car is shorter
 _HULL_BOTTOM, _HULL_TOP, _OBSTACLE_TOP = 0.15, 1.35, 1.5  # [m]
 
 _SOFT = 1e-4  # MuJoCo's least impedance: a constraint this soft is a plain spring and damper
@@ -162,9 +164,20 @@ def _add_actuators(spec: mujoco.MjSpec, data: SuspensionParameters) -> None:
     for name in WHEELS[:2]:
         servo = spec.add_actuator(name=f"steer_{name}", target=f"steer_{name}", trntype=mjtTrn.mjTRN_JOINT)
         servo.set_to_position(kp=_STEER_STIFFNESS, kv=damping)
+        if data.steer_delay:  # of its angle, which is that of a delayed command
+            servo.delay, servo.interp = data.steer_delay, 1  # linear
+            servo.nsample = math.ceil(data.steer_delay * _DELAY_SAMPLES) + 2
     for name in WHEELS:
         motor = spec.add_actuator(name=f"torque_{name}", target=f"spin_{name}", trntype=mjtTrn.mjTRN_JOINT)
         motor.set_to_motor()
+
+
+def fill_delay_lines(model: mujoco.MjModel, data: mujoco.MjData, angles: Sequence[float]) -> None:
+    """As if the steering servos, left and right, had stood at `angles` [rad] for long."""
+    for i, angle in enumerate(angles):
+        if count := int(model.actuator_history[i, 0]):
+            times = data.time - np.arange(count, 0, -1.0) / _DELAY_SAMPLES
+            mujoco.mj_initCtrlHistory(model, data, i, times, np.full((count, 1), angle))
 
 
 def _add_sensors(spec: mujoco.MjSpec, with_forces: bool) -> None:

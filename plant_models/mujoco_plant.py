@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sidestep.plant_models.contact_tyre import CAR, PATCH, STATE, TYRE_MODES, relaxed_slip
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.mujoco_bodies import WHEELS, corners, suspension_of
-from sidestep.plant_models.mujoco_car import TYRE_DAMPING, car_spec, damping_scale
+from sidestep.plant_models.mujoco_car import TYRE_DAMPING, car_spec, damping_scale, fill_delay_lines
 from sidestep.plant_models.mujoco_loop import ackermann, advance, observe
 from sidestep.plant_models.mujoco_surface import Surface, patch_table
 from sidestep.plant_models.obstacle import Obstacle
@@ -125,6 +125,7 @@ class MujocoPlant:
             x, y, kappa, alpha = relaxed_slip(0.0, 0.0, 0.0, across, along, _LONG, car["tyre"])
             own["deflection"][i], own["slip"][i] = (x, y), (kappa, alpha)
             self.data.qvel[car["spin"][i]] = along / own["arm"][i]
+        fill_delay_lines(self.model, self.data, self.data.qpos[car["steer"]])
 
     def step(self, command: SteeringCommand, dt: float) -> VehicleState:
         """Hold `command` for `dt` seconds.

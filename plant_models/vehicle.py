@@ -30,6 +30,7 @@ class SuspensionParameters:
         tyre_stiffness: Vertical tyre stiffness per wheel, in [N/m].
         wheel_radius: Unloaded radius, in [m].
         wheel_spin_inertia: Spin inertia per wheel, in [kg m^2].
+        steer_delay: Time until the steering actuator hears a command, in [s].
     """
 
     unsprung_mass_front: float
@@ -47,9 +48,12 @@ class SuspensionParameters:
     tyre_stiffness: float
     wheel_radius: float
     wheel_spin_inertia: float
+    steer_delay: float = 0.0
 
     def __post_init__(self) -> None:
-        _require_positive(self, or_zero=("anti_roll_front", "anti_roll_rear"))
+        _require_positive(self, or_zero=("anti_roll_front", "anti_roll_rear", "steer_delay"))
+        if self.steer_delay >= 1.0:
+            raise InputError("vehicle.suspension.steer_delay", f"{self.steer_delay} s", "0 <= value < 1")
 
 
 @dataclass(frozen=True)

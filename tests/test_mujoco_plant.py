@@ -151,6 +151,22 @@ def test_step_steer_against_the_linear_single_track(speed, degrees):
     assert np.abs(steer - linear_steer).max() < 1e-4
 
 
+def test_delayed_steering_does_the_same_later_also_after_a_snapshot():
+    late = BMW.with_(suspension=replace(BMW.suspension, steer_delay=0.05))
+    plant, twin, start, steer = MujocoPlant(late), MujocoPlant(late), VehicleState(time=3.0, v_x=15.0), [0.0, 0.04]
+    prompt, delayed = (
+        drive(p, p.reset(start), 0.5, lambda t: steer[t > 0.095], 15.0) for p in (MujocoPlant(BMW), plant)
+    )
+    shifted = rows(prompt)[:-5, 5:] - rows(delayed)[5:, 5:]  # v_y, yaw rate, angle
+    assert np.abs(shifted).max() < 1e-6
+    drive(plant, plant.reset(start), 0.1, 0.0, 15.0)
+    plant.step(SteeringCommand(0.0, 0.04, 15.0), 0.01)
+    twin.restore(plant.save())  # the command is on its way
+    assert drive(twin, start, 0.39, 0.04, 15.0) == delayed[11:]
+    turning = drive(plant, plant.reset(replace(start, steer_angle=0.04)), 0.05, 0.0, 15.0)
+    assert rows(turning)[:, 7] == pytest.approx(0.04, abs=1e-4)
+
+
 def test_brakes_bring_it_to_a_lasting_standstill():
     plant = MujocoPlant(BMW)
     start = plant.reset(VehicleState(v_x=20.0))
