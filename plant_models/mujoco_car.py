@@ -15,7 +15,7 @@ from mujoco import mjtConDataField, mjtGeom, mjtJoint, mjtObj, mjtSensor, mjtTrn
 from sidestep.plant_models.contact_tyre import STATE, TYRE_MODES
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.mujoco_bodies import WHEELS, Corner, corners, sprung_body, suspension_of, upright_inertia
-from sidestep.plant_models.mujoco_looks import add_looks
+from sidestep.plant_models.mujoco_looks import add_cabin, add_looks
 from sidestep.plant_models.mujoco_surface import HeightField, Surface
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.vehicle import GRAVITY, SuspensionParameters, VehicleParameters
@@ -27,7 +27,7 @@ _TRAVEL = 0.08  # of the suspension, either way, [m]
 _STOP_STIFFNESS, _STOP_DAMPING = 2.0e5, 2.0e3  # [N/m], [N s/m]
 _STEER_STIFFNESS = 3.0e5  # [N m/rad]
 _DELAY_SAMPLES = 4000  # of the steering's delay line, per second: no step of the car is shorter
-_HULL_BOTTOM, _HULL_TOP, _OBSTACLE_TOP = 0.15, 1.35, 1.5  # [m]
+_HULL_BOTTOM, _HULL_TOP, _OBSTACLE_TOP = 0.15, 0.9, 1.5  # [m]; up to the belt line: the cabin above is narrower
 
 _SOFT = 1e-4  # MuJoCo's least impedance: a constraint this soft is a plain spring and damper
 _FRICTION_RATIO = 5.0  # impratio of the tuned contact; its shear is too small by _SOFT times this, and more
@@ -120,8 +120,9 @@ def _add_chassis(spec: mujoco.MjSpec, vehicle: VehicleParameters) -> mujoco.MjsB
     size = [vehicle.length / 2.0, vehicle.width / 2.0, (_HULL_TOP - _HULL_BOTTOM) / 2.0]
     chassis.add_geom(
         name="hull", type=mjtGeom.mjGEOM_BOX, size=size, pos=centre, mass=0.0, contype=2, conaffinity=2,
-        rgba=[0.1, 0.3, 0.7, 0.5],
+        rgba=[0.1, 0.3, 0.7, 1.0],
     )  # fmt: skip
+    add_cabin(chassis, vehicle, [centre[0], 0.0, _HULL_TOP - vehicle.cg_height])
     return chassis
 
 

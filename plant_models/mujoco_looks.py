@@ -1,6 +1,12 @@
-"""How the MuJoCo car's world looks: daylight, sky, and a road whose chequers show the motion."""
+"""How the MuJoCo car and its world look: a cabin, daylight, sky, and a road whose chequers show the motion."""
+
+from collections.abc import Sequence
 
 import mujoco
+
+from sidestep.plant_models.vehicle import VehicleParameters
+
+_CABIN_LENGTH, _CABIN_WIDTH, _CABIN_HEIGHT, _CABIN_SHIFT = 0.46, 0.84, 0.45, -0.06  # of the car; height in [m]
 
 
 def add_looks(spec: mujoco.MjSpec) -> None:
@@ -16,3 +22,13 @@ def add_looks(spec: mujoco.MjSpec) -> None:
     asphalt = spec.add_material(name="road", texrepeat=[0.1, 0.1], texuniform=True)
     asphalt.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB.value] = "road"
     spec.geom("road").material = "road"
+
+
+def add_cabin(chassis: mujoco.MjsBody, vehicle: VehicleParameters, base: Sequence[float]) -> None:
+    """Set a cabin that touches nothing on the body, `base` [m] the middle of its belt line."""
+    x, y, z = base
+    chassis.add_geom(
+        name="cabin", type=mujoco.mjtGeom.mjGEOM_BOX, mass=0.0, contype=0, conaffinity=0, rgba=[0.12, 0.15, 0.2, 1.0],
+        size=[_CABIN_LENGTH * vehicle.length / 2.0, _CABIN_WIDTH * vehicle.width / 2.0, _CABIN_HEIGHT / 2.0],
+        pos=[x + _CABIN_SHIFT * vehicle.length, y, z + _CABIN_HEIGHT / 2.0],
+    )  # fmt: skip
