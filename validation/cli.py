@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from sidestep.plant_models.errors import InputError, PlantError
+from sidestep.validation.campaign_commands import add_campaign
 from sidestep.validation.can_commands import add_can
 from sidestep.validation.fmu_commands import add_fmu
 from sidestep.validation.limits_commands import add_limits
@@ -51,7 +52,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=version("sidestep"))
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for add in (_add_demo, _add_run, _add_scenarios, _add_validate, _add_bench, add_limits, add_fmu, add_can):
+    own = (_add_demo, _add_run, _add_scenarios, _add_validate, add_campaign, _add_bench)
+    for add in (*own, add_limits, add_fmu, add_can):
         add(commands)
     return parser
 
@@ -64,19 +66,24 @@ def _add_demo(commands: argparse._SubParsersAction) -> None:
 
 def _add_run(commands: argparse._SubParsersAction) -> None:
     run = commands.add_parser("run", help="drive one scenario")
-    run.add_argument("scenario", metavar="SCENARIO", help="a name that `sidestep scenarios` lists, or a TOML file")
+    what = run.add_mutually_exclusive_group(required=True)
+    what.add_argument(
+        "scenario", nargs="?", metavar="SCENARIO", help="a name that `sidestep scenarios` lists, or a TOML file"
+    )
+    what.add_argument("--from", dest="row", metavar="FILE.jsonl:ROW", help="a row of a campaign, exactly as it was")
     run.add_argument("--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, or an .fmu file")
     run.add_argument("--map", type=Path, metavar="MAP.toml", help="mapping file of an FMU that is not ours")
     run.add_argument(
         "--isolate", type=float, nargs="?", const=5.0, metavar="SECONDS",
         help="run an FMU in a process of its own, with this time limit a step (default: %(const)s)",
     )  # fmt: skip
-    run.add_argument("--can", default="auto", metavar="BUS", help="auto (default), off, or INTERFACE:CHANNEL")
+    run.add_argument("--can", metavar="BUS", help="auto (default), off (default with --from), or INTERFACE:CHANNEL")
     run.add_argument("--allow-real-bus", action="store_true", help="let that bus reach hardware")
     run.add_argument(
         "--coupling", default="zero-delay", choices=("zero-delay", "one-step-delay"), help="default: %(default)s"
     )
     run.add_argument("--out", type=Path, metavar="DIR", help="default: runs/<time>-<scenario>")
+    run.add_argument("--junit", type=Path, metavar="FILE", help="also write the verdict as a test case")
     run.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
         help="replace a key of the scenario file, such as plant.friction=0.6; may be repeated",
@@ -132,21 +139,32 @@ def _scenarios(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
+    from sidestep.validation.campaign_commands import compared_to_row, replayed
     from sidestep.validation.console import print_runs, progress_bar
-    from sidestep.validation.report import write_run
+    from sidestep.validation.junit import write_junit
+    from sidestep.validation.report import junit_case, write_run
     from sidestep.validation.runs import drive
     from sidestep.validation.scenario import load_scenario
 
     isolated = [] if options.isolate is None else [f"plant.isolate={options.isolate}"]
-    scenario = load_scenario(options.scenario, [*options.overrides, *plant_overrides(options), *isolated])
+    changes = [*options.overrides, *plant_overrides(options), *isolated]
+    row, can = None, options.can or ("off" if options.row else "auto")
+    if options.row:
+        scenario, row = replayed(options.row, changes)
+    else:
+        scenario = load_scenario(options.scenario, changes)
     folder = options.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{scenario.name}"
     with progress_bar(f"{scenario.name} on {scenario.plant.name}", scenario.duration) as progress:
         run = drive(
-            scenario, folder, options.can, options.coupling, options.allow_real_bus, options.view, progress,
+            scenario, folder, can, options.coupling, options.allow_real_bus, options.view, progress,
             options.command_line, options.render,
         )  # fmt: skip
         write_run(run)
+    if options.junit:
+        write_junit(options.junit, "sidestep run", [junit_case(run)])
     print_runs([run.summary])
+    if row:
+        print(compared_to_row(run, row))
     print(f"report: {folder / 'report.html'}")
     if run.interrupted:
         raise KeyboardInterrupt

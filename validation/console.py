@@ -7,8 +7,18 @@ from typing import Any
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.table import Table
+from rich.text import Text
 
 from sidestep.validation.interrupt import interrupts_between_steps
 
@@ -73,18 +83,30 @@ def _table(title: str, summaries: Sequence[dict[str, Any]]) -> Table:
     return table
 
 
+class _Rate(ProgressColumn):
+    def render(self, task: Task) -> Text:
+        return Text(f"{task.speed:.1f}/s" if task.speed else "-/s")
+
+
 @contextmanager
-def progress_bar(title: str, total: float) -> Iterator[Callable[[float], None]]:
+def progress_bar(title: str, total: float, counting: bool = False) -> Iterator[Callable[[float], None]]:
     """A bar on the terminal's stderr, nothing elsewhere.
+
+    Args:
+        title: Beside it.
+        total: What is the whole.
+        counting: Whether it is so many runs: show how many are done, how many a second, and for how long yet.
 
     Yields what sets how far it is, and raises the KeyboardInterrupt that came since; until then Ctrl-C waits.
     """
-    columns = (
+    columns: tuple[ProgressColumn, ...] = (
         TextColumn("{task.description}"),
         BarColumn(),
         TextColumn("{task.percentage:>3.0f} %"),
         TimeElapsedColumn(),
     )
+    if counting:
+        columns += (MofNCompleteColumn(), _Rate(), TextColumn("left:"), TimeRemainingColumn())
     console = Console(stderr=True)
     with (
         interrupts_between_steps() as interruption,

@@ -2,6 +2,7 @@
 
 import base64
 import io
+import re
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ LARGEST_SVG = 600_000
 _PAGES = Environment(
     loader=FileSystemLoader(Path(__file__).parent / "templates"), autoescape=True, trim_blocks=True, lstrip_blocks=True
 )
+_PAGES.tests["numeric"] = re.compile(r"[-+–]?(\d|$)").match
 
 
 def page(template: str, **values: Any) -> str:

@@ -9,6 +9,8 @@ from typing import Self
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
+from sidestep.plant_models.vehicle import VehicleParameters
+from sidestep.validation.delay_line import DelayLine
 from sidestep.validation.scenario import PlantSettings, Scenario
 from sidestep.validation.tables import did_you_mean
 
@@ -23,13 +25,14 @@ def open_plant(scenario: Scenario) -> Plant:
         InputError: Unknown plant, missing or broken FMU or mapping, or a setting that the plant has not.
         PlantError: The plant cannot be built (no C compiler for the native FMU, say).
     """
-    offset = scenario.plant.steer_offset
-    plant = _bare_plant(scenario)
-    return MisalignedSteering(plant, offset) if offset else plant
+    settings, plant = scenario.plant, _bare_plant(scenario)
+    if settings.steer_offset or settings.delay:
+        return ImperfectSteering(plant, settings.steer_offset, settings.delay)
+    return plant
 
 
 def _bare_plant(scenario: Scenario) -> Plant:
-    settings, vehicle = scenario.plant, scenario.vehicle
+    settings, vehicle = scenario.plant, true_vehicle(scenario)
     if settings.map and not settings.kind.endswith(".fmu"):
         raise InputError("plant.map", f"{settings.map!r} without an FMU", "only with an .fmu file as plant")
     if settings.isolate and not settings.kind.endswith(".fmu"):
@@ -63,28 +66,69 @@ def _bare_plant(scenario: Scenario) -> Plant:
     raise InputError("plant.kind", problem, f"{', '.join(PLANT_KINDS)}, or an .fmu file")
 
 
+def true_vehicle(scenario: Scenario) -> VehicleParameters:
+    """The car that is driven, where the controller believes in `scenario.vehicle`.
+
+    Inertias follow the mass, as of a load that is spread like the car; a stiffer tyre peaks as high, and earlier.
+
+    Raises:
+        InputError: An FMU from outside, whose numbers are its own, or a mass that the car cannot have.
+    """
+    vehicle, mass, stiffness = scenario.vehicle, scenario.plant.mass, scenario.plant.stiffness
+    if mass == stiffness == 1.0:
+        return vehicle
+    if scenario.plant.kind.endswith(".fmu"):
+        raise InputError("plant.mass, plant.stiffness", "an FMU has its own", f"1.0, or {', '.join(PLANT_KINDS)}")
+    chassis = vehicle.suspension
+    if chassis:
+        chassis = replace(
+            chassis, roll_inertia=mass * chassis.roll_inertia, pitch_inertia=mass * chassis.pitch_inertia
+        )  # fmt: skip
+    return vehicle.with_(
+        mass=mass * vehicle.mass,
+        yaw_inertia=mass * vehicle.yaw_inertia,
+        cornering_stiffness_front=stiffness * vehicle.cornering_stiffness_front,
+        cornering_stiffness_rear=stiffness * vehicle.cornering_stiffness_rear,
+        tyre=replace(vehicle.tyre, p_ky1=stiffness * vehicle.tyre.p_ky1),
+        suspension=chassis,
+    )
+
+
 def _require_plain_road(settings: PlantSettings) -> None:
     for name in ("tyre", "grade", "bank", "patches"):
         if getattr(settings, name) != getattr(PlantSettings, name):
             raise InputError(f"plant.{name}", f"the plant {settings.name} does not know it", "only with plant mujoco")
 
 
-class MisalignedSteering:
-    """A plant whose wheels stand `offset` [rad] to the left of where they are told to, unknown to its measurement."""
+class ImperfectSteering:
+    """A plant whose wheels are told late, and stand to the left of where they are told to, unknown to its measurement.
 
-    def __init__(self, plant: Plant, offset: float):
-        self.plant, self.offset = plant, offset
+    Args:
+        plant: The plant behind.
+        offset: Of the wheels, in [rad].
+        delay: Of the commands, in [s]; until the first one arrives, angle and speed are held.
+    """
+
+    def __init__(self, plant: Plant, offset: float = 0.0, delay: float = 0.0):
+        self.plant, self.offset, self.delay = plant, offset, delay
 
     def reset(self, state: VehicleState) -> VehicleState:
         """Reset the plant behind; the measured angle is the true one less the offset."""
-        return self._measured(self.plant.reset(replace(state, steer_angle=state.steer_angle + self.offset)))
+        self._line = DelayLine(self.delay)
+        return self._measured(self.plant.reset(replace(state, steer_angle=state.steer_angle + self.offset)), reset=True)
 
     def step(self, command: SteeringCommand, dt: float) -> VehicleState:
         """Step the plant behind with the angle displaced."""
-        return self._measured(self.plant.step(replace(command, steer_angle=command.steer_angle + self.offset), dt))
+        self._heard = self._line.transmit(replace(command, time=self._time)) or self._heard
+        angle = self._heard.steer_angle + self.offset
+        return self._measured(self.plant.step(replace(self._heard, steer_angle=angle), dt))
 
-    def _measured(self, state: VehicleState) -> VehicleState:
-        return replace(state, steer_angle=state.steer_angle - self.offset)
+    def _measured(self, state: VehicleState, reset: bool = False) -> VehicleState:
+        state = replace(state, steer_angle=state.steer_angle - self.offset)
+        self._time = state.time
+        if reset:
+            self._heard = SteeringCommand(state.time, state.steer_angle, state.v_x)
+        return state
 
     @property
     def collided(self) -> bool:

@@ -6,6 +6,7 @@ from typing import Any
 from sidestep.validation.comparison import Line, compared_signals, compared_top_view
 from sidestep.validation.console import HEADS, cells, number, row_name
 from sidestep.validation.files import write_text, written_to
+from sidestep.validation.junit import JunitCase
 from sidestep.validation.pages import page, picture
 from sidestep.validation.recording import STEP_UNITS, write_columns
 from sidestep.validation.runs import Run
@@ -60,6 +61,14 @@ def _sentence(s: dict[str, Any]) -> str:
     if s["error"]:
         words += f". {s['error']}"
     return words
+
+
+def junit_case(run: Run) -> JunitCase:
+    """A run as a test case of a build server."""
+    s = run.summary
+    broken_off = s["error"] or ""
+    failure = "" if run.judgement.passed or broken_off else _sentence(s)
+    return JunitCase(f"sidestep.run.{s['scenario']}", row_name(s), failure, broken_off)
 
 
 def _numbers(run: Run) -> list[tuple[str, str, str]]:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sidestep.controller import SteeringController
 from sidestep.controller.can_port.port import SteeringPort
+from sidestep.validation.closed_loop import open_controller
 from sidestep.validation.cosimulation import PLANT_STEP, Coupling, cosimulate
 from sidestep.validation.files import made
 from sidestep.validation.film import film
@@ -71,7 +71,7 @@ def drive(
         InputError: Plant, bus or folder cannot be used; nothing is left behind then.
         PlantError: The plant cannot be built or cannot start.
     """
-    controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
+    controller = open_controller(scenario)
     with (
         open_plant(scenario) as plant,
         viewer(plant, scenario, controller) if view else nullcontext() as show,

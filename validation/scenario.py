@@ -24,6 +24,7 @@ _BUILT_IN = Path(__file__).parent / "scenarios"
 _SEGMENTS = {"line": Line, "arc": Arc, "clothoid": Clothoid}
 
 Positive = Annotated[float, Meta(gt=0.0)]
+NotNegative = Annotated[float, Meta(ge=0.0)]
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,11 @@ class PlantSettings:
         map: Mapping file (TOML) of an FMU that is not ours; empty for none.
         steer_offset: Added to every commanded road-wheel angle, in [rad]: a misaligned steering, which the
             reported angle does not show.
+        mass, stiffness: Of the plant's car and of its tyres, as factors on what the controller knows.
+        delay: Until a command reaches the steering and the drive, in [s].
+        noise: Of the state that the controller gets, in multiples of `measurement.NOISE`; the judge sees the true one.
+        noise_seed: Of that noise.
+        measured_offset: By which that state lies to the left of where the car is, in [m].
         isolate: Time limit of a step of an FMU that runs in a process of its own, in [s]; 0 to run it here.
     """
 
@@ -50,7 +56,13 @@ class PlantSettings:
     patches: tuple[Any, ...] = ()
     map: str = ""
     steer_offset: float = 0.0
-    isolate: Annotated[float, Meta(ge=0.0)] = 0.0
+    mass: Positive = 1.0
+    stiffness: Positive = 1.0
+    delay: NotNegative = 0.0
+    noise: NotNegative = 0.0
+    noise_seed: Annotated[int, Meta(ge=0)] = 0
+    measured_offset: float = 0.0
+    isolate: NotNegative = 0.0
 
     @property
     def name(self) -> str:
@@ -141,12 +153,29 @@ def load_scenario(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Sc
     Raises:
         InputError: With file, dotted key and what is allowed.
     """
-    file = _find(str(name_or_path))
+    file, text = read_scenario(name_or_path)
+    return parse_scenario(text, file.stem if file.parent == _BUILT_IN else str(file), overrides, file)
+
+
+def read_scenario(name_or_path: str | Path, folder: Path = Path()) -> tuple[Path, str]:
+    """File and text of a scenario.
+
+    Args:
+        name_or_path: One of `built_in_scenarios()`, or a TOML file.
+        folder: From which the file is found.
+
+    Raises:
+        InputError: There is none, or it cannot be read.
+    """
+    name, known = str(name_or_path), built_in_scenarios()
+    file = _BUILT_IN / f"{name}.toml" if name in known else folder / name
+    if not file.is_file():
+        problem = f"no built-in scenario and no file {name!r}{did_you_mean(name, known)}"
+        raise InputError("scenario", problem, f"{', '.join(known)}, or a TOML file")
     try:
-        text = file.read_text(encoding="utf-8")
+        return file, file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(str(file), f"no readable TOML file ({error})") from error
-    return parse_scenario(text, file.stem if file.parent == _BUILT_IN else str(file), overrides, file)
 
 
 def parse_scenario(
@@ -173,16 +202,6 @@ def parse_scenario(
         return _scenario(tables, file)
     except InputError as error:
         raise InputError(f"{label}: {error.where}", error.problem, error.allowed) from error
-
-
-def _find(name: str) -> Path:
-    if name in built_in_scenarios():
-        return _BUILT_IN / f"{name}.toml"
-    if not Path(name).is_file():
-        known = built_in_scenarios()
-        problem = f"no built-in scenario and no file {name!r}{did_you_mean(name, known)}"
-        raise InputError("scenario", problem, f"{', '.join(known)}, or a TOML file")
-    return Path(name)
 
 
 def _scenario(tables: dict[str, Any], file: Path) -> Scenario:

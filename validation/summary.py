@@ -58,9 +58,14 @@ def summarise(scenario: Scenario, recording: Recording, judgement: Judgement, **
         "step_time_us": _quantiles(steps),
         "real_time_factor": duration / recording.wall_time if recording.wall_time > 0.0 else None,
         **about,
-        "versions": {"python": platform.python_version(), **{name: version(name) for name in _LIBRARIES}},
+        "versions": versions(),
         "tables": scenario.tables,
     }
+
+
+def versions() -> dict[str, str]:
+    """Of Python and of the libraries that a result may depend on."""
+    return {"python": platform.python_version(), **{name: version(name) for name in _LIBRARIES}}
 
 
 def strict_json(value: Any) -> str:
