@@ -1,6 +1,7 @@
 """`sidestep can ...` in one process: database, monitor, logs, replay and faults; the two nodes over multicast."""
 
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +16,7 @@ from sidestep.controller.can_port.database import load_dbc
 from sidestep.controller.can_port.export import FORMATS, exported, page
 from sidestep.controller.can_port.faults import FaultSpec
 from sidestep.controller.can_port.log import open_log, read_log
+from sidestep.controller.can_port.messages import decode_steer_command
 from sidestep.controller.can_port.nodes import ControllerNode
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.linear_plant import LinearPlant
@@ -222,11 +224,39 @@ def test_usage(capsys):
 # --- two processes
 
 
+def node(*arguments):
+    return subprocess.Popen([sys.executable, "-m", "sidestep.validation", "can", *arguments])
+
+
+def test_interrupted_nodes_complete_their_logs_and_the_last_command_is_not_enabled(multicast_spec, tmp_path):  # noqa: F811
+    common = ["single-obstacle", "--can", multicast_spec]
+    ends = {
+        "c": node("drive", *common, "--out", str(tmp_path / "c")),
+        "p": node("plant", *common, "--plant", "linear", "--out", str(tmp_path / "p")),
+    }
+    with Bus(multicast_spec) as bus:
+        enabled = (message for message in iter(lambda: bus.receive(60.0), None) if _enabled(message))
+        assert next(enabled, None), "the controller never steered"
+        ends["c"].send_signal(signal.SIGTERM)
+        ends["p"].send_signal(signal.SIGINT)
+        assert [process.wait(60.0) for process in ends.values()] == [130, 130]
+    for name, mine in (("c", 0x101), ("p", 0x201)):
+        assert {file.name for file in (tmp_path / name).iterdir()} >= {"can.blf", "summary.json"}
+        frames = list(read_log(tmp_path / name / "can.blf"))
+        assert {mine, 0x101} <= {frame.arbitration_id for frame in frames}
+    logged = [frame for frame in read_log(tmp_path / "c" / "can.blf") if frame.arbitration_id == 0x101]
+    assert any(map(_enabled, logged))
+    assert not _enabled(logged[-1])
+
+
+def _enabled(message):
+    return message.arbitration_id == 0x101 and decode_steer_command(message.data, 0.0).enable
+
+
 def test_two_processes_drive_over_multicast(multicast_spec, tmp_path, monkeypatch):  # noqa: F811
     monkeypatch.setattr(report, "run_report", lambda run: "<!doctype html>")  # test_report.py looks at it
     common = ["single-obstacle", "--can", multicast_spec, "--set", "duration=1.0"]
-    drive = ["drive", *common, "--out", str(tmp_path / "c")]
-    with subprocess.Popen([sys.executable, "-m", "sidestep.validation", "can", *drive]) as controller:
+    with node("drive", *common, "--out", str(tmp_path / "c")) as controller:
         assert main(["can", "plant", *common, "--plant", "linear", "--out", str(tmp_path / "p")]) == 0
         assert controller.wait(30.0) == 0
     assert {file.name for file in (tmp_path / "p").iterdir()} == {

@@ -1,7 +1,10 @@
 """`sidestep can ...`: the two nodes, monitor, replay, faults and the database."""
 
 import argparse
+import signal
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -108,9 +111,10 @@ def _drive(options: argparse.Namespace) -> int:
     _require_shared(options)
     scenario = load_scenario(options.scenario, options.overrides)
     folder = _folder(options, f"{scenario.name}-controller")
-    figures = run_controller(
-        scenario, folder, options.can, options.protection, options.log, options.allow_real_bus
-    )  # fmt: skip
+    with _terminated_as_interrupted():
+        figures = run_controller(
+            scenario, folder, options.can, options.protection, options.log, options.allow_real_bus
+        )  # fmt: skip
     with written_to(folder):
         summary = {"scenario": scenario.name, "command_line": options.command_line, "can": figures}
         write_text(folder / "summary.json", strict_json(summary))
@@ -131,7 +135,8 @@ def _plant(options: argparse.Namespace) -> int:
     _require_shared(options)
     scenario = load_scenario(options.scenario, [*options.overrides, *plant_overrides(options)])
     folder = _folder(options, scenario.name)
-    with progress_bar(f"{scenario.name} on {scenario.plant.name}", scenario.duration) as progress:
+    bar = progress_bar(f"{scenario.name} on {scenario.plant.name}", scenario.duration)
+    with _terminated_as_interrupted(), bar as progress:
         run = run_plant(
             scenario, folder, options.can, options.protection, options.log, options.allow_real_bus, progress,
             options.command_line,
@@ -143,6 +148,16 @@ def _plant(options: argparse.Namespace) -> int:
     if run.interrupted:
         raise KeyboardInterrupt
     return 0 if run.judgement.passed else 1
+
+
+@contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """SIGTERM is a Ctrl-C: what has been driven is written."""
+    before = signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _timing(figures: dict[str, Any]) -> str:

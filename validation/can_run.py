@@ -29,6 +29,7 @@ from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.validation.cosimulation import cosimulate
 from sidestep.validation.files import made
+from sidestep.validation.interrupt import interrupts_between_steps
 from sidestep.validation.judge import judge
 from sidestep.validation.plants import open_plant
 from sidestep.validation.recording import STEP_UNITS, Recording
@@ -49,10 +50,11 @@ class FarController:
     Args:
         link: The way to it.
         node: The vehicle's end.
+        waiting: Called in every cycle that the car is held.
     """
 
-    def __init__(self, link: Link, node: VehicleNode):
-        self.link, self.node = link, node
+    def __init__(self, link: Link, node: VehicleNode, waiting: Callable[[], None] = lambda: None):
+        self.link, self.node, self._waiting = link, node, waiting
         self.plan = _Unknown()
         self._began: float | None = None
         self._applied: SteeringCommand | None = None
@@ -80,6 +82,7 @@ class FarController:
     def _await(self, state: VehicleState) -> float:
         actuator, now = self.node.actuator, -math.inf
         for _ in range(round(PATIENCE / CYCLE)):
+            self._waiting()
             now = self._cycle(state, valid=actuator.state is ActuatorState.STANDBY)
             if actuator.state is ActuatorState.ACTIVE:
                 self.link.begin()
@@ -119,7 +122,7 @@ def drive_over(
     Raises:
         InputError: No controller answers.
     """
-    far = FarController(link, node)
+    far = FarController(link, node, lambda: progress(0.0) if progress else None)
     cycle_by_cycle = replace(scenario, controller=replace(scenario.controller, period=CYCLE))
     recording = cosimulate(far, plant, cycle_by_cycle, far, progress=progress)
     if isinstance(recording.error, InputError):
@@ -215,21 +218,36 @@ def run_controller(
         controller.step(scenario.start)  # load the kernels before the clock runs
     node = ControllerNode(controller, messages(protection))
     with made(folder):
-        link = RealTimeLink(resolve_spec(can, True), _CONTROLLER, protection, folder / log, allow_real_bus)
-    interrupted, used = False, 0.0
+        link = RealTimeLink(resolve_spec(can, True), _CONTROLLER, protection, folder / log, allow_real_bus, True)
     with link, _undisturbed():
-        began, used = time.monotonic(), time.process_time()
-        try:
-            while (now := link.wait()) - (PATIENCE if node.heard is None else node.heard + _GONE) < 0.0:
-                link.send(node.step(now, link.receive()))
-        except KeyboardInterrupt:
-            interrupted = True
-        share = (time.process_time() - used) / (time.monotonic() - began)
+        interrupted, share = _serve(link, node)
     if node.heard is None and not interrupted:
         raise InputError("can", f"no vehicle answers within {PATIENCE:g} s", "sidestep can plant on the same bus")
     lost = sum(channel.receiver.lost for channel in node.listener.channels.values())
     figures = {"lost": lost, "stale_cycles": node.stale_cycles, "processor_share": share, "interrupted": interrupted}
-    return {**link.statistics(), **figures}
+    return {**link.statistics(node.heard or 0.0), **figures}
+
+
+def _serve(link: RealTimeLink, node: ControllerNode) -> tuple[bool, float]:
+    """Steer until the vehicle is gone; whether that was interrupted, and the share of a processor that it took."""
+    now, used, interrupted = 0.0, 0.0, False
+    began: tuple[float, float] | None = None  # of steering: time and processor time, in [s]
+    with interrupts_between_steps() as interruption:
+        try:
+            while now < (PATIENCE if node.heard is None else node.heard + _GONE):
+                interruption()
+                now = link.wait()
+                link.send(node.step(now, link.receive()))
+                if node.heard == now:
+                    if began is None:
+                        link.begin()
+                        began = now, time.process_time()
+                    used = time.process_time() - began[1]
+        except KeyboardInterrupt:
+            interrupted = True
+        finally:
+            link.send(node.leave(now))
+    return interrupted, used / max(CYCLE, (node.heard or 0.0) - began[0]) if began else 0.0
 
 
 def _controller(scenario: Scenario) -> SteeringController:

@@ -1,7 +1,9 @@
 """What a node is connected by: a real bus in real time, or the other node in virtual time."""
 
+import time
 from collections.abc import Collection, Iterable
 from contextlib import ExitStack
+from math import inf
 from pathlib import Path
 from typing import Any, Protocol, Self
 
@@ -31,7 +33,7 @@ class Link(Protocol):
         ...
 
     def begin(self) -> None:
-        """From now on it counts."""
+        """From now on it counts: faults, figures."""
         ...
 
 
@@ -44,6 +46,7 @@ class RealTimeLink:
         protection: End-to-end protection; "P05" sends CAN FD frames.
         log: File for every frame sent and received, stamped with the link's time; None for none.
         allow_real_bus: Whether the bus may reach hardware.
+        follows: Whether its deadlines are to lie half a cycle behind the first frame that it hears.
 
     Attributes:
         pacer: Its deadlines, with statistics.
@@ -61,8 +64,10 @@ class RealTimeLink:
         protection: Protection = "P02",
         log: Path | None = None,
         allow_real_bus: bool = False,
+        follows: bool = False,
     ):
         self.pacer = Pacer(CYCLE)
+        self._follows = follows
         self.sent = self.refused = 0
         self._fd = protection == "P05"
         own = [message.frame_id for message in messages(protection).values() if message.sender in senders]
@@ -79,6 +84,9 @@ class RealTimeLink:
         """Take in every frame that waits."""
         frames = []
         for message in self._bus.drain():
+            if self._follows:
+                self.pacer.follow(self.pacer.now() - (time.time() - message.timestamp))
+                self._follows = False
             self._record(message, is_rx=True)
             frames.append((message.arbitration_id, bytes(message.data)))
         return frames
@@ -94,11 +102,13 @@ class RealTimeLink:
                 self.refused += 1
 
     def begin(self) -> None:
-        """Nothing to do: the world does not wait."""
+        """Figures of the deadlines count from here."""
+        self.pacer.begin()
 
-    def statistics(self) -> dict[str, Any]:
-        """Figures of the bus and of the deadlines."""
-        return {"interface": self._bus.spec, "sent": self.sent, "refused": self.refused, **self.pacer.statistics()}
+    def statistics(self, until: float = inf) -> dict[str, Any]:
+        """Figures of the bus, and of the deadlines up to `until`, in [s]."""
+        bus = {"interface": self._bus.spec, "sent": self.sent, "refused": self.refused}
+        return {**bus, **self.pacer.statistics(until)}
 
     def close(self) -> None:
         """Complete the log and leave the bus; a second call does no harm."""

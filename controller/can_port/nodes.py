@@ -147,6 +147,13 @@ class ControllerNode:
         elif self._began is not None:
             self.stale_cycles += 1
             self._fresh_cycles = 0
+        return self._answer(time, enable)
+
+    def leave(self, time: float) -> list[Frame]:
+        """The last frames, sent at `time`, in [s]: enable = 0."""
+        return self._answer(time, enable=False)
+
+    def _answer(self, time: float, enable: bool) -> list[Frame]:
         command = self._command if enable else SteeringCommand(time, 0.0, 0.0, Status.FAULT)
         message = self._messages[STEER_CMD.name]
         answer = [(message.frame_id, encode_steer_command(command, self._cycle, enable, self._rate_limit, message))]

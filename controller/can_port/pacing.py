@@ -2,9 +2,12 @@
 
 import time
 from collections.abc import Callable
+from math import inf, nan
 from typing import Any
 
 import numpy as np
+
+_AWAKE = 1e-4  # the end of every wait, in [s]: a sleeper wakes some 50 us late
 
 
 class Pacer:
@@ -28,13 +31,14 @@ class Pacer:
     ):
         self.cycle, self.slot, self.skipped = cycle, -1, 0
         self._clock, self._sleep = clock, sleep
-        self._began = 0.0
-        self._woken: list[tuple[int, float]] = []  # slot, lateness
+        self._began = self._woke = 0.0
+        self._phase = 0.0  # of the deadlines
+        self._cycles: list[tuple[float, float, float]] = []  # deadline, lateness, time awake after it
 
     @property
     def time(self) -> float:
         """Time of the present deadline, in [s] from the first."""
-        return self.slot * self.cycle
+        return self._phase + self.slot * self.cycle
 
     def now(self) -> float:
         """Time, in [s] from the first deadline."""
@@ -45,20 +49,42 @@ class Pacer:
         now = self._clock()
         if self.slot < 0:
             self._began = now
-        missed = max(0, int((now - self._began) / self.cycle) - self.slot - 1)
+        else:
+            self._cycles.append((self.time, self._woke - self._began - self.time, now - self._woke))
+        missed = max(0, int((now - self._began - self._phase) / self.cycle) - self.slot - 1)
         self.slot, self.skipped = self.slot + 1 + missed, self.skipped + missed
         deadline = self._began + self.time
-        if deadline > now:
-            self._sleep(deadline - now)
-        self._woken.append((self.slot, self._clock() - deadline))
+        if deadline - _AWAKE > now:
+            self._sleep(deadline - _AWAKE - now)
+        self._woke = self._clock()
+        while self._woke < deadline:
+            self._woke = self._clock()
         return self.time
 
-    def statistics(self) -> dict[str, Any]:
-        """Lateness in [ms], and drift: by how much more than `cycle` the wake-ups are apart, as a share of it."""
-        slots, lateness = np.array(self._woken).reshape(-1, 2).T
-        p50, p99, most = 1e3 * np.percentile(lateness, (50, 99, 100)) if len(slots) else (np.nan,) * 3
-        drift = np.polyfit(slots, lateness, 1)[0] / self.cycle if len(slots) > 1 else 0.0
+    def follow(self, time: float) -> None:
+        """Put the deadlines half a cycle behind `time`, in [s] from the first, and whole cycles later.
+
+        Two nodes that wake at the same time delay each other, and how old a state is when it is used were chance.
+        """
+        self._phase += (time + 0.5 * self.cycle - self.time) % self.cycle
+
+    def begin(self) -> None:
+        """Figures count from the present deadline on."""
+        self._cycles.clear()
+        self.skipped = 0
+
+    def statistics(self, until: float = inf) -> dict[str, Any]:
+        """Figures of the finished cycles up to the deadline `until`, in [s].
+
+        Lateness is in [ms]; drift is by how much more than `cycle` the wake-ups are apart, as a share of it; busy is
+        the share of the time between waking and waiting again, whoever had the processor.
+        """
+        cycles = np.array([row for row in self._cycles if row[0] <= until]).reshape(-1, 3)
+        deadlines, lateness, awake = cycles.T
+        p50, p99, most = 1e3 * np.percentile(lateness, (50, 99, 100)) if len(cycles) else (nan,) * 3
+        drift = np.polyfit(deadlines, lateness, 1)[0] if len(cycles) > 1 else 0.0
+        busy = np.sum(awake) / (np.ptp(deadlines) + self.cycle) if len(cycles) else 0.0
         return {
-            "cycles": len(slots), "skipped": self.skipped, "drift": float(drift),
+            "cycles": len(cycles), "skipped": self.skipped, "drift": float(drift), "busy": float(busy),
             "lateness_ms": {"p50": float(p50), "p99": float(p99), "max": float(most)},
         }  # fmt: skip
