@@ -67,6 +67,20 @@ def test_the_first_call_starts_from_the_wheels_whatever_has_arrived():
     assert bench.angle == pytest.approx(0.05)
 
 
+def test_init_goes_with_the_wheels_and_what_follows_does_not():
+    bench = Bench(angle=0.05)
+    bench.step()
+    bench.angle = 0.08
+    bench.step()
+    assert bench.answer.steer_angle == 0.08
+    bench = driving()
+    bench.angle = 0.1  # wheels that lag
+    for _ in range(3):
+        bench.step()
+        bench.angle = 0.1
+    assert (bench.actuator.state, bench.answer.steer_angle) == (HOLD, pytest.approx(0.2))
+
+
 def test_active_follows_angle_speed_and_status():
     bench = driving()
     bench.step(m.encode_steer_command(SteeringCommand(0.0, 0.21, 7.0, Status.BLOCKED), next(bench.counters)))
@@ -259,6 +273,15 @@ def test_lost_commands_are_reported():
     assert (report.angle, report.rate) == (pytest.approx(0.15), pytest.approx(-0.05 / CYCLE, abs=5e-4))
 
 
+def test_no_rate_is_reported_where_there_is_no_time_between():
+    bench = Bench(angle=0.3)
+    bench.step()
+    assert bench.actuator.report.rate == 0.0
+    bench.angle = 0.4
+    bench.step(dt=0.0)
+    assert bench.actuator.report.rate == 0.0
+
+
 @pytest.mark.parametrize("protection", ["P05", "none"])
 def test_other_protections(protection):
     bench = driving(protection=protection)
@@ -303,8 +326,15 @@ def test_whatever_arrives_the_wheels_stay_within_their_limits(script):
 
 
 @pytest.mark.parametrize(
-    "bad", [{"active_age": 0.0}, {"hold_age": 0.02}, {"ramp_rate": -1.0}, {"angle_limit": math.nan}, {"rate_limit": 0}]
-)
+    "bad",
+    [{"active_age": 0.0}, {"hold_age": 0.02}, {"ramp_rate": -1.0}, {"angle_limit": math.nan}, {"rate_limit": 0},
+     {"rate_limit": math.inf}, {"hold_age": math.inf}],
+)  # fmt: skip
 def test_impossible_limits_are_refused(bad):
     with pytest.raises(InputError, match="active_age <= hold_age"):
         replace(ActuatorConfig(), **bad)
+
+
+def test_hold_may_be_left_out():
+    bench = driving(config=ActuatorConfig(active_age=0.05, hold_age=0.05))
+    assert [bench.step(dt=0.025) for _ in range(3)] == [ACTIVE, ACTIVE, RAMP]

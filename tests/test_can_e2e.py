@@ -104,6 +104,24 @@ def test_fd_export_keeps_frame_format_and_data_ids():
     assert len({messages("P05")[name].profile for name in messages()}) == len(messages())
 
 
+@pytest.mark.parametrize(("protection", "number", "length"), [("P02", 1, 8), ("P05", 2, 12), ("none", 0, 8)])
+def test_the_database_says_which_protection_it_describes(protection, number, length):
+    for message in load_dbc(protection).messages:
+        assert (message.dbc.attributes["E2EProfile"].value, message.length) == (number, length)
+        if protection != "P02":
+            given = "" if protection == "none" else f"{message.frame_id:04x}"
+            assert message.dbc.attributes["E2EDataIDs"].value == given
+        for signal in message.signals:  # of the header: every number that fits
+            if signal.name.endswith(("_CRC", "_Counter")):
+                assert (signal.minimum, signal.maximum) == (0, (1 << signal.length) - 1)
+    assert {message.length for message in messages(protection).values()} == {length}
+
+
+def test_profiles_are_values():
+    assert len({Profile2(bytes(16)), Profile2(bytes(16)), Profile5(1), Unprotected(), Unprotected()}) == 3
+    assert Unprotected().counter_of(b"anything") == 0
+
+
 def test_without_protection_only_the_length_counts():
     receiver = Receiver(Unprotected(), 8)
     assert [receiver.check(data) for data in (bytes(8), bytes(8), bytes(7), None)] == [OK, OK, ERROR, NONEW]
@@ -260,6 +278,11 @@ def test_default_thresholds_on_both_sides():
 @pytest.mark.parametrize("good", [(3, 1, 0), (3, 3, 3), (1, 1, 1)])
 def test_thresholds_at_their_limits_are_allowed(good):
     assert StateConfig(*good).window == good[0]
+
+
+def test_a_machine_shows_its_state_not_its_window():
+    assert "state=<E2EState.NODATA: 2>" in repr(E2EStateMachine())
+    assert "deque" not in repr(E2EStateMachine())
 
 
 def test_numbers_of_the_states_are_the_specification_s():

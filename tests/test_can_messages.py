@@ -65,6 +65,15 @@ def test_dbc_is_strictly_consistent_and_complete():
             assert raw[0] <= (s.raw_initial or 0) <= raw[1]
 
 
+def test_catalogue_has_the_database_s_cycles_and_senders():
+    got = {name: (message.cycle, message.sender) for name, message in messages().items()}
+    assert got == {
+        "STEER_CMD": (pytest.approx(0.01), "CTRL"), "STEER_STATUS": (pytest.approx(0.01), "EPS"),
+        "VEH_DYN": (pytest.approx(0.01), "VEH"), "VEH_POS": (pytest.approx(0.01), "VEH"),
+        "VEH_HEADING": (pytest.approx(0.01), "VEH"), "CTRL_STATUS": (pytest.approx(0.1), "CTRL"),
+    }  # fmt: skip
+
+
 @by_name
 def test_protection_header_is_where_profile_2_wants_it(message):
     dbc = load_dbc().get_message_by_name(message.name)
@@ -309,6 +318,7 @@ def test_vehicle_state_round_trip(state, yaw_error):
         assert getattr(got, name) == pytest.approx(getattr(state, name), abs=half_step * (1 + 1e-6)), name
     assert (got.time, got.steer_angle) == (0.5, 0.25)
     assert m.VEH_DYN.decode(frames[0])["VehDyn_AccLat"] == pytest.approx(4.2)
+    assert m.decode_vehicle_state(frames, 0.5).steer_angle == 0.0
 
 
 @pytest.mark.parametrize("field", ["x", "y", "yaw", "v_x", "v_y", "yaw_rate"])

@@ -168,6 +168,8 @@ def _set_attributes(message: Message, **values: int | str) -> None:
 
 def _protected(message: Message, protection: Protection) -> ProtectedMessage:
     assert message.dbc is not None
+    assert message.cycle_time is not None
+    (sender,) = message.senders
     data_ids = bytes.fromhex(str(message.dbc.attributes["E2EDataIDs"].value))
     profile: Profile = Unprotected()
     if protection != "none":
@@ -177,10 +179,10 @@ def _protected(message: Message, protection: Protection) -> ProtectedMessage:
         name=message.name,
         frame_id=message.frame_id,
         length=message.length,
-        cycle=1e-3 * (message.cycle_time or 0),
+        cycle=1e-3 * message.cycle_time,
         profile=profile,
         signals=tuple(map(_packed, payload)),
-        sender=message.senders[0],
+        sender=sender,
     )
 
 
