@@ -9,6 +9,7 @@ from rich.table import Table
 
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.files import written_to
+from sidestep.validation.mujoco_drive import long_drive
 from sidestep.validation.mujoco_validation import Check, validate_mujoco
 
 
@@ -23,7 +24,7 @@ def validate(plant: str, out: Path | None = None) -> int:
     """
     if plant != "mujoco":
         raise InputError("--plant", f"no checks for {plant!r}", "mujoco")
-    checks = validate_mujoco()
+    checks = [*validate_mujoco(), *long_drive()]
     print_checks(checks)
     if out:
         from sidestep.validation.mujoco_figures import axle_forces, manoeuvres
