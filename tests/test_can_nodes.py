@@ -127,6 +127,31 @@ def test_any_input_older_than_50_ms_disables_the_steering_and_asks_to_stop(silen
     assert loop.vehicle.actuator.state is ActuatorState.STANDBY  # the controller keeps sending
 
 
+@pytest.mark.parametrize(("age", "fresh"), [(0.0, True), (0.0499, True), (0.05, True), (0.0501, False), (1.0, False)])
+@pytest.mark.parametrize("late", ["state", "angle"])
+def test_age_of_state_and_of_angle_decides(age, fresh, late):
+    listener, node = StateListener(messages()), VehicleNode()
+    for k in range(20):
+        listener.take(k * CYCLE, node.step(VehicleState(k * CYCLE, v_x=15.0), [])[1])
+    frames = node.step(VehicleState(0.2, v_x=15.0), [])[1]
+    older = [frame for frame in frames if (frame[0] == m.STEER_STATUS.frame_id) == (late == "angle")]
+    listener.take(0.2, older)
+    listener.take(0.2 + 0.5 * age, [frame for frame in frames if frame not in older])
+    assert listener.fresh(0.2 + age) is fresh
+
+
+@pytest.mark.parametrize(("behind", "whole"), [(1, True), (2, True), (3, False)])
+def test_a_sample_waits_for_its_last_part_while_so_many_others_begin(behind, whole):
+    listener, node = StateListener(messages()), VehicleNode()
+    for k in range(20):
+        listener.take(k * CYCLE, node.step(VehicleState(k * CYCLE, x=float(k), v_x=1.0), [])[1])
+    samples = [node.step(VehicleState(0.2, x=float(20 + k), v_x=1.0), [])[1] for k in range(behind + 1)]
+    for sample in samples:
+        listener.take(0.2, sample[:2])
+    listener.take(0.2, samples[0][2:])
+    assert listener.state.x == pytest.approx(20.0 if whole else 19.0)
+
+
 def test_steering_resumes_when_the_input_is_back():
     loop = Loop()
     loop.run(50)

@@ -1,8 +1,13 @@
 """Steering commands in formats of others: pure encoders and decoders, nothing is sent from here.
 
-    Tesla DAS_steeringControl 0x488   steering-wheel angle, 0.1 deg, positive to the right (commaai/opendbc)
-    Ford LateralMotionControl 0x3D3   path curvature, 2e-5 1/m (commaai/opendbc); without angle, offset, curvature rate
-    PACMod3 STEERING_CMD 0x12C        steering-wheel angle and rate, 1 mrad (astuff/pacmod3_common)
+    Tesla DAS_steeringControl 0x488   steering-wheel angle, 0.1 deg, positive to the right; type 1 follows it
+    Ford LateralMotionControl 0x3D3   path curvature, 2e-5 1/m, positive to the left; mode 1 follows it; path angle,
+                                      path offset and curvature rate stay at their raw zeros
+    PACMod3 STEERING_CMD 0x12C        steering-wheel angle and rate, 1 mrad and 1 mrad/s, positive to the left
+
+Sources: commaai/opendbc, opendbc/car/tesla/teslacan.py (sign, type, checksum), opendbc/car/ford/fordcan.py (sign, mode,
+ranges) and the raw zeros and scale of its Ford safety code; astuff/pacmod3_common, include/pacmod3_can_ids.h, and the
+message encoder of astuff/pacmod3.
 
 Out of range saturates; a value that is not finite, or enable = False, gives the frame that asks for nothing.
 """
