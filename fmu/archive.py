@@ -6,6 +6,7 @@ import zipfile
 import zlib
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from xml.etree import ElementTree
 
 import fmpy
 from fmpy.model_description import CoSimulation, ModelDescription, ScalarVariable
@@ -55,7 +56,7 @@ def unpack(path: Path) -> UnpackedFmu:
             damaged = archive.testzip()
             if damaged:
                 raise InputError(str(path), f"{damaged} in it is damaged")
-            description = _read_description(path)
+            description = _read_description(path, archive)
             interface = _find_binary(path, description, names)
             folder = _extract(archive)
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
@@ -104,11 +105,17 @@ def _check_names(path: Path, names: list[str]) -> None:
         raise InputError(str(path), "not an FMU: no modelDescription.xml in it")
 
 
-def _read_description(path: Path) -> ModelDescription:
+def _read_description(path: Path, archive: zipfile.ZipFile) -> ModelDescription:
     try:
-        return fmpy.read_model_description(path, validate=False)
+        description = fmpy.read_model_description(path, validate=False)
+        interface = ElementTree.fromstring(archive.read("modelDescription.xml")).find("CoSimulation")
     except Exception as error:  # fmpy raises bare Exception, and whatever its parsers raise
         raise InputError(str(path), f"modelDescription.xml cannot be read: {error}") from error
+    if description.coSimulation and interface is not None and "providesDirectionalDerivatives" in interface.attrib:
+        # FMI 3.0's spelling, which fmpy 0.3.32 does not read
+        derivatives = interface.attrib["providesDirectionalDerivatives"] in ("true", "1")
+        description.coSimulation.providesDirectionalDerivative = derivatives
+    return description
 
 
 def _find_binary(path: Path, description: ModelDescription, names: list[str]) -> CoSimulation:

@@ -9,6 +9,7 @@ import os
 import signal
 import socket
 import struct
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +19,7 @@ import numpy as np
 from numba import njit
 
 from sidestep.controller import ControllerConfig, SteeringController
-from sidestep.fmu.controller_variables import FIXED, OUTPUTS, STATE, TUNABLE
+from sidestep.fmu.controller_variables import FIXED, NAMES, OUTPUTS, STATE, TUNABLE
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import ReferencePath
@@ -32,6 +33,9 @@ NOTHING_NEAR = 1000.0
 """Clearance where there is no obstacle, in [m]."""
 _HEAD = struct.Struct("=qQ")
 _START, _STEP, _SAVE, _RESTORE = 1, 2, 3, 4
+_STATE, _OUTPUTS = struct.Struct(f"={1 + len(STATE)}d"), struct.Struct(f"={len(OUTPUTS)}d")
+_SETTINGS = slice(_STATE.size + _OUTPUTS.size, None)
+_SETTING_NAMES = tuple(name for name, *_ in (*TUNABLE, *FIXED))
 
 
 class ControllerServer:
@@ -46,29 +50,30 @@ class ControllerServer:
         self._vehicle = VehicleParameters(**vehicle)
         self._path = ReferencePath(np.array(description["road"]["table"]), description["road"]["closed"])
         self._obstacles = [Obstacle(**obstacle) for obstacle in description["obstacles"]]
+        self._moving = [index for index, obstacle in enumerate(self._obstacles) if obstacle.speed]
+        self._boxes = np.array([self._box(obstacle, 0.0) for obstacle in self._obstacles]).reshape(-1, 5)
         self._config = ControllerConfig(**description["controller"])
-        at = {name: index for index, name in enumerate(description["variables"])}
-        self._time, self._state = at["time"], [at[name] for name, *_ in STATE]
-        self._outputs = [at[name] for name, *_ in OUTPUTS]
-        self._settings = [(name, at[name]) for name, *_ in (*TUNABLE, *FIXED)]
-        self._at_settings = [index for _, index in self._settings]
+        car = self._vehicle
+        self._shape = 0.5 * (car.front_extent - car.rear_extent), 0.5 * car.length, 0.5 * car.width
+        if tuple(description["variables"]) != NAMES:
+            raise InputError("controller.json", "its variables are not this version's", "export the controller again")
         self._held = b""  # the settings that the controller has
         self._controller: SteeringController | None = None
 
     def start(self, data: bytes) -> bytes:
         """A fresh controller's answer."""
-        values = np.frombuffer(data)
-        self._controller = SteeringController(self._vehicle, self._path, self._obstacles, self._set_up(values))
-        return self._answer(values, self._controller)
+        config = self._set_up(data[_SETTINGS])
+        self._controller = SteeringController(self._vehicle, self._path, self._obstacles, config)
+        return self._answer(data, self._controller)
 
     def step(self, data: bytes) -> bytes:
         """The controller's next answer; settings that have changed hold from now on."""
-        values, controller = np.frombuffer(data), self._running()
-        if values[self._at_settings].tobytes() != self._held:
-            memory, config = controller.save(), self._set_up(values)
+        controller = self._running()
+        if data[_SETTINGS] != self._held:
+            memory, config = controller.save(), self._set_up(data[_SETTINGS])
             controller = self._controller = SteeringController(self._vehicle, self._path, self._obstacles, config)
             controller.restore(memory)
-        return self._answer(values, controller)
+        return self._answer(data, controller)
 
     def save(self, _: bytes) -> bytes:
         """The controller's memory and the settings that it has."""
@@ -76,8 +81,8 @@ class ControllerServer:
 
     def restore(self, data: bytes) -> bytes:
         """Go on from such a memory."""
-        size = 8 * len(self._settings)
-        config = self._config_of(np.frombuffer(data[:size]))
+        size = 8 * len(_SETTING_NAMES)
+        config = self._set_up(data[:size])
         self._controller = SteeringController(self._vehicle, self._path, self._obstacles, config)
         self._controller.restore(data[size:])
         return b""
@@ -87,41 +92,51 @@ class ControllerServer:
             raise InputError("controller", "not started")
         return self._controller
 
-    def _set_up(self, values: np.ndarray) -> ControllerConfig:
-        return self._config_of(values[self._at_settings])
-
-    def _config_of(self, settings: np.ndarray) -> ControllerConfig:
-        named = dict(zip((name for name, _ in self._settings), settings.tolist(), strict=True))
+    def _set_up(self, settings: bytes) -> ControllerConfig:
+        named = dict(zip(_SETTING_NAMES, np.frombuffer(settings).tolist(), strict=True))
         config = replace(self._config, **named | {"input_delay_steps": round(named["input_delay_steps"])})
-        self._held = settings.tobytes()
+        self._held = settings
         return config
 
-    def _answer(self, values: np.ndarray, controller: SteeringController) -> bytes:
-        state = VehicleState(*values[[self._time, *self._state]].tolist())
+    def _answer(self, data: bytes, controller: SteeringController) -> bytes:
+        state = VehicleState(*_STATE.unpack_from(data))
+        began = time.perf_counter()
         command = controller.step(state)
-        plan = controller.plan
+        took, plan = time.perf_counter() - began, controller.plan
         assert plan is not None
         solved = {"INPUT": 2.0, "PIQP_SOLVED": 0.0}.get(plan.solver_status, 1.0)
-        answer = values.copy()
-        answer[self._outputs] = (
+        outputs = _OUTPUTS.pack(
             command.steer_angle, command.target_speed, command.status, self._clearance(state), solved,
-            plan.iterations, plan.slack_corridor, plan.slack_slip, 1e-6 * plan.solve_us, 1e-6 * plan.step_us,
-            state.time,
+            plan.iterations, plan.slack_corridor, plan.slack_slip, 1e-6 * plan.solve_us, took, state.time,
         )  # fmt: skip
-        return answer.tobytes()
+        return data[: _STATE.size] + outputs + data[_SETTINGS]
 
     def _clearance(self, state: VehicleState) -> float:
-        car, nearest = self._vehicle, NOTHING_NEAR
-        for obstacle in self._obstacles:
-            s = obstacle.s + obstacle.speed * state.time
-            x, y = self._path.to_cartesian(s, obstacle.l)
-            ahead, across = 0.5 * (car.front_extent - car.rear_extent), 0.5 * car.length
-            c, sine = math.cos(state.yaw), math.sin(state.yaw)
-            nearest = min(nearest, box_distance(
-                state.x + ahead * c, state.y + ahead * sine, state.yaw, across, 0.5 * car.width, x, y,
-                self._path.heading(s) + obstacle.heading, 0.5 * obstacle.length, 0.5 * obstacle.width,
-            ))  # fmt: skip
-        return nearest
+        for index in self._moving:
+            self._boxes[index] = self._box(self._obstacles[index], state.time)
+        return clearance(state.x, state.y, state.yaw, *self._shape, self._boxes)
+
+    def _box(self, obstacle: Obstacle, now: float) -> tuple[float, float, float, float, float]:
+        s = obstacle.s + obstacle.speed * now
+        x, y = self._path.to_cartesian(s, obstacle.l)
+        return x, y, self._path.heading(s) + obstacle.heading, 0.5 * obstacle.length, 0.5 * obstacle.width
+
+
+@njit(cache=True, nogil=True)
+def clearance(x, y, yaw, ahead, a, b, boxes):
+    """Distance in [m] from the car to the nearest box, 0 if they overlap, at most `NOTHING_NEAR`.
+
+    Args:
+        x, y, yaw: Pose of the car's reference point, in [m] and [rad].
+        ahead: From there to the middle of the car, in [m].
+        a, b: Half its length and width, in [m].
+        boxes: Centre, direction, half length and half width of the others, shape (N, 5).
+    """
+    x, y, nearest = x + ahead * math.cos(yaw), y + ahead * math.sin(yaw), NOTHING_NEAR
+    for i in range(len(boxes)):
+        x_2, y_2, heading_2, a_2, b_2 = boxes[i]
+        nearest = min(nearest, box_distance(x, y, yaw, a, b, x_2, y_2, heading_2, a_2, b_2))
+    return nearest
 
 
 @njit(cache=True, nogil=True)
@@ -157,16 +172,21 @@ def main(folder: Path) -> None:
     """Serve until the other side closes the socket."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     server = ControllerServer(json.loads((folder / "controller.json").read_text(encoding="utf-8")))
+    with socket.socket(fileno=SOCKET) as channel:
+        serve(server, channel)
+    os._exit(0)  # at once: nothing is left to be saved
+
+
+def serve(server: ControllerServer, channel: socket.socket) -> None:
+    """Answer requests until the other side closes its end."""
     answers: dict[int, Callable[[bytes], bytes]] = {
         _START: server.start, _STEP: server.step, _SAVE: server.save, _RESTORE: server.restore,
     }  # fmt: skip
-    with socket.socket(fileno=SOCKET) as channel:
-        while head := channel.recv(_HEAD.size, socket.MSG_WAITALL):
-            code, size = _HEAD.unpack(head)
-            data = channel.recv(size, socket.MSG_WAITALL) if size else b""
-            try:
-                status, answer = OK, answers[code](data)
-            except InputError as error:
-                status, answer = ERROR, str(error).encode()
-            channel.sendall(_HEAD.pack(status, len(answer)) + answer)
-    os._exit(0)  # at once: nothing is left to be saved
+    while head := channel.recv(_HEAD.size, socket.MSG_WAITALL):
+        code, size = _HEAD.unpack(head)
+        data = channel.recv(size, socket.MSG_WAITALL) if size else b""
+        try:
+            status, answer = OK, answers[code](data)
+        except InputError as error:
+            status, answer = ERROR, str(error).encode()
+        channel.sendall(_HEAD.pack(status, len(answer)) + answer)

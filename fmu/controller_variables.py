@@ -65,6 +65,9 @@ FIXED = (
     ("input_delay_steps", "", "Periods until a command takes effect, 1 in masters that couple with one step of delay"),
 )
 
+NAMES = ("time", *(name for name, *_ in (*STATE, *OUTPUTS, *TUNABLE, *FIXED)))
+"""All variables, in the order of their values."""
+
 
 def controller_model(name: str, start: dict[str, float], config: ControllerConfig) -> Model:
     """The variable table of one scenario's controller.

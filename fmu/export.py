@@ -8,7 +8,7 @@ from pathlib import Path
 
 from sidestep.controller import ControllerConfig
 from sidestep.fmu.build import build_model
-from sidestep.fmu.controller_variables import controller_model
+from sidestep.fmu.controller_variables import NAMES, controller_model
 from sidestep.fmu.plants import find_model, vehicle_values
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import ReferencePath
@@ -47,7 +47,7 @@ def export_controller(
         config = replace(config, cruise_speed=start.v_x)
     model = controller_model(name, asdict(start), config)
     description = {
-        "variables": [row.name for row in model.variables],
+        "variables": NAMES,
         "vehicle": asdict(vehicle),
         "road": {"table": path.table.tolist(), "closed": path.closed},
         "obstacles": [asdict(obstacle) for obstacle in obstacles],

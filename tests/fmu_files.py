@@ -14,6 +14,8 @@ from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle import VehicleParameters
 
 CAR = VehicleParameters.preset("bmw-320i")
+QUICK = ("-O0",)
+"""Compiler flags for what is not going to run long."""
 START = VehicleState(time=1.0, x=2.0, y=3.0, yaw=0.4, v_x=15.0, v_y=0.1, yaw_rate=0.05, steer_angle=0.01)
 
 
@@ -53,7 +55,7 @@ def patched(folder, fmi, old, new):
                 archive.extract(name, folder)
     file = next(file for file in sources.glob("*.c") if old in file.read_text())
     file.write_text(file.read_text().replace(old, new))
-    compile_library(sources, folder / "binary")
+    compile_library(sources, folder / "binary", QUICK)
     return changed(build_fmu(fmi=fmi), folder / "patched.fmu", {binary(fmi): (folder / "binary").read_bytes()})
 
 
@@ -93,7 +95,7 @@ def foreign_fmu(folder):
     starts = ", ".join(f"{{{row.constant}, {row.start!r}}}" for row in model.variables if row.start is not None)
     code = Path(__file__).with_name("foreign_car.c").read_text().replace("START_VALUES", f"{{{starts}}}")
     (sources / "foreign_car.c").write_text(code)
-    compile_library(sources, sources / "binary", ("-fvisibility=default",))
+    compile_library(sources, sources / "binary", ("-fvisibility=default", *QUICK))
     file, table = folder / "foreign.fmu", folder / "foreign.toml"
     with zipfile.ZipFile(file, "w") as archive:
         archive.writestr("modelDescription.xml", _foreign_description())

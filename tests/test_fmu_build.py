@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 import fmpy
 import pytest
 from fmpy.validation import validate_fmu
+from fmu_files import QUICK
 
 from sidestep.fmu import build
 from sidestep.fmu.build import CompilerError, build_fmu, compile_library
@@ -37,6 +38,7 @@ def fmu(fmi):
 @pytest.fixture
 def empty_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(build, "_FLAGS", (*build._FLAGS, *QUICK))
     return tmp_path / "cache" / "sidestep"
 
 
@@ -119,7 +121,7 @@ def test_archive_holds_documentation_and_all_sources(fmu, fmi, tmp_path):
     page = (tmp_path / "documentation" / "index.html").read_text()
     assert all(f"<td>{row.name}</td>" in page for row in MODEL.variables)
     assert "$" not in page
-    compile_library(tmp_path / "sources", tmp_path / "again.so")  # as anybody could
+    compile_library(tmp_path / "sources", tmp_path / "again.so", QUICK)  # as anybody could
     binary = next((tmp_path / "binaries").glob("*/single_track.*"))
     assert binary.parent.name == (fmpy.platform if fmi == 2 else fmpy.platform_tuple)
 

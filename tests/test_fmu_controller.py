@@ -7,18 +7,15 @@ from contextlib import contextmanager
 from dataclasses import astuple, replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from sidestep.controller import SteeringController
-from sidestep.fmu.controller_server import box_distance
 from sidestep.fmu.controller_variables import STATE
 from sidestep.fmu.export import export_controller
 from sidestep.fmu.findings import check_fmu
 from sidestep.fmu.instance import FmuInstance
 from sidestep.plant_models.errors import PlantError
 from sidestep.plant_models.linear_plant import LinearPlant
-from sidestep.validation.geometry import boxes, signed_clearance
 from sidestep.validation.scenario import load_scenario
 
 SCENE = load_scenario("double-obstacle")
@@ -200,13 +197,3 @@ def test_its_environment_is_clean_and_ours_untouched(tmp_path, monkeypatch):
     with pytest.raises(PlantError, match=r"; 0; yes -I; the controller's process ended"), running(3):
         pass
     assert dict(os.environ) == before
-
-
-def test_clearance_is_that_of_the_judge():
-    random = np.random.default_rng(7)
-    for _ in range(50):
-        x, y, heading = random.uniform(-6, 6), random.uniform(-6, 6), random.uniform(-4, 4)
-        first = boxes(np.zeros(1), np.zeros(1), np.array([0.4]), 2.0, 2.0, 1.8)
-        second = boxes(np.array([x]), np.array([y]), np.array([heading]), 1.0, 1.0, 3.0)
-        expected = max(float(signed_clearance(first, second)[0]), 0.0)
-        assert box_distance(0.0, 0.0, 0.4, 2.0, 0.9, x, y, heading, 1.0, 1.5) == pytest.approx(expected, abs=1e-9)

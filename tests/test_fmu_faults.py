@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import pytest
 from fmpy.fmi1 import FMICallException
-from fmu_files import CAR, START, binary, changed, description, patched, slalom
+from fmu_files import CAR, QUICK, START, binary, changed, description, patched, slalom
 
 from sidestep.fmu.build import build_fmu, compile_library
 from sidestep.fmu.fmu_plant import FmuPlant
@@ -162,7 +162,7 @@ def test_no_call_after_a_fatal_status(tmp_path):
                     "void fmi2FreeInstance(fmi2Component c) { (void)c; abort(); }")  # fmt: skip
     file = tmp_path / "sources" / "fmi2.c"
     file.write_text(file.read_text().replace("return (fmi2Status)do_step(c, time, duration);", "return fmi2Fatal;"))
-    compile_library(tmp_path / "sources", tmp_path / "binary")
+    compile_library(tmp_path / "sources", tmp_path / "binary", QUICK)
     changed(dying, tmp_path / "fatal.fmu", {binary(2): (tmp_path / "binary").read_bytes()})
     with FmuPlant.from_file(tmp_path / "fatal.fmu") as plant:
         plant.reset(START)

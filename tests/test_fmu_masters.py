@@ -21,7 +21,7 @@ from sidestep.validation.scenario import load_scenario
 SCENE = load_scenario("single-obstacle", ["controller.input_delay_steps=1"])
 NAMES = [name for name, *_ in STATE]
 COMMANDS = ("steer_angle_command", "target_speed")
-STEPS, PERIOD = 120, SCENE.controller.period
+STEPS, PERIOD = 80, SCENE.controller.period
 
 
 def pair(fmi):

@@ -1,0 +1,18 @@
+"""What holds for every test."""
+
+import os
+
+import pytest
+
+
+@pytest.fixture(autouse=True, scope="session")
+def fmu_cache(tmp_path_factory):
+    """One cache of FMUs for the session, which the user's own does not see; other programs keep theirs."""
+    theirs = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    folder = tmp_path_factory.mktemp("cache")
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("matplotlib", "zig"):
+            if os.path.isdir(f"{theirs}/{name}"):
+                (folder / name).symlink_to(f"{theirs}/{name}")
+        patch.setenv("XDG_CACHE_HOME", str(folder))
+        yield folder
