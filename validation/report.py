@@ -10,10 +10,13 @@ from sidestep.validation.junit import JunitCase
 from sidestep.validation.pages import page, picture
 from sidestep.validation.recording import STEP_UNITS, write_columns
 from sidestep.validation.runs import Run
+from sidestep.validation.scrubber import scrubber_data
 from sidestep.validation.signals_figure import signals_figure
+from sidestep.validation.still import still
 from sidestep.validation.style import BLUE, GREEN, ORANGE, PURPLE
 from sidestep.validation.summary import strict_json
 from sidestep.validation.topview import distance, top_view
+from sidestep.validation.usage_figure import usage_figure
 
 _COLOURS = {"linear": ORANGE, "single-track": GREEN, "mujoco": BLUE, "linear (paper)": PURPLE}
 
@@ -32,7 +35,7 @@ def write_run(run: Run) -> None:
 
 
 def run_report(run: Run) -> str:
-    """The page of one run: verdict and scene first, then numbers, signals, and what was run."""
+    """The page of one run: verdict and scene first, then the time slider, numbers, signals, and what was run."""
     s = run.summary
     files = ["summary.json", "recording.csv", "steps.csv", *(["can.blf"] if s["can"]["sent"] else [])]
     return page(
@@ -42,7 +45,11 @@ def run_report(run: Run) -> str:
         verdict=_sentence(s),
         top_view=picture(top_view(run.scenario, run.recording, run.judgement)),
         signals=picture(signals_figure(run.scenario, run.recording, run.judgement)),
+        scrubber=scrubber_data(run.scenario, run.recording, run.judgement),
+        usage=picture(usage_figure(run.scenario, run.recording)),
+        still=still(run.scenario, run.recording, run.judgement.time),
         numbers=_numbers(run),
+        not_covered=_not_covered(run),
         provenance=_provenance(s),
         files=files,
     )
@@ -71,34 +78,66 @@ def junit_case(run: Run) -> JunitCase:
     return JunitCase(f"sidestep.run.{s['scenario']}", row_name(s), failure, broken_off)
 
 
-def _numbers(run: Run) -> list[tuple[str, str, str]]:
-    """Name, value, and what to compare it with."""
+def _numbers(run: Run) -> list[tuple[str, str, str, str]]:
+    """Name, value, PASS or FAIL if the verdict hangs on it, and what to compare it with."""
     s, config, vehicle = run.summary, run.scenario.controller, run.scenario.vehicle
-    can = s["can"]
+    can, gap, broken = s["can"], s["min_clearance_m"], run.recording.error is not None
     median, p99, most = (number(s["step_time_us"][name], "µs", 0) for name in ("median", "p99", "max"))
     return [
-        ("Run", f"{s['duration_s']:.2f} s simulated", s["end"]),
-        ("Smallest clearance", number(s["min_clearance_m"], "m", 3), f"buffer {config.buffer:g} m; negative: overlap"),
-        ("Smallest clearance to the road's edge", number(s["min_edge_clearance_m"], "m", 3), "of the car's corners"),
-        ("Largest lateral acceleration", number(s["max_lateral_acceleration"], "m/s²", 2), ""),
-        ("Largest steering angle", number(s["max_steer_angle"], "rad", 4), f"limit {vehicle.steer_limit:g} rad"),
-        ("Largest steering rate", number(s["max_steer_rate"], "rad/s", 3), f"limit {vehicle.steer_rate_limit:g} rad/s"),
-        ("Lateral error", number(s["rms_lateral_error_m"], "m", 3), "RMS to the reference path, avoidance included"),
-        ("Lateral error in the last second", number(s["final_rms_lateral_error_m"], "m", 4), "RMS"),
-        ("Infeasible steps", f"{s['infeasible_steps']} of {s['steps']}", "solver failed, or corridor slack above 1 mm"),
-        ("Largest corridor slack", number(1e3 * s["max_slack_m"], "mm", 3), ""),
-        ("Controller step", f"{median} median", f"p99 {p99}, largest {most}"),
-        ("Real-time factor", number(s["real_time_factor"], "", 1), "controller, bus and plant, one thread"),
-        ("CAN", f"{can['sent']} frames", f"{can['interface']}, {can['lost']} lost"),
+        ("Run", f"{s['duration_s']:.2f} s simulated", _mark(not broken), s["end"]),
+        ("Smallest clearance", number(gap, "m", 3), "" if gap is None else _mark(gap > 0.0 and not s["plant_contact"]),
+         f"above 0; buffer {config.buffer:g} m; negative: overlap"),
+        ("Smallest clearance to the road's edge", number(s["min_edge_clearance_m"], "m", 3),
+         _mark(s["min_edge_clearance_m"] >= 0.0), "0 or more; of the car's corners"),
+        ("Largest lateral acceleration", number(s["max_lateral_acceleration"], "m/s²", 2), "",
+         "nuPlan counts up to 4.89 m/s² as comfortable"),
+        ("Largest yaw rate", number(s["max_yaw_rate"], "rad/s", 3), "", "nuPlan: 0.95 rad/s"),
+        ("Largest steering angle", number(s["max_steer_angle"], "rad", 4), "", f"limit {vehicle.steer_limit:g} rad"),
+        ("Largest steering rate", number(s["max_steer_rate"], "rad/s", 3), "",
+         f"limit {vehicle.steer_rate_limit:g} rad/s"),
+        ("Lateral error", number(s["rms_lateral_error_m"], "m", 3), "",
+         "RMS to the reference path, avoidance included"),
+        ("Lateral error in the last second", number(s["final_rms_lateral_error_m"], "m", 4), "", "RMS"),
+        ("Infeasible steps", f"{s['infeasible_steps']} of {s['steps']}", "",
+         "solver failed, or corridor slack above 1 mm"),
+        ("Largest corridor slack", number(1e3 * s["max_slack_m"], "mm", 3), "", ""),
+        ("Controller step", f"{median} median", "", f"p99 {p99}, largest {most}"),
+        ("Real-time factor", number(s["real_time_factor"], "", 1), "", "controller, bus and plant, one thread"),
+        ("CAN", f"{can['sent']} frames", "", f"{can['interface']}, {can['lost']} lost"),
     ]  # fmt: skip
+
+
+def _mark(good: bool) -> str:
+    return "PASS" if good else "FAIL"
+
+
+def _not_covered(run: Run) -> list[str]:
+    """What one run says nothing of."""
+    plant, sentences = (
+        run.scenario.plant,
+        ["Any other scene, speed or seed: how often it fails is for a campaign to say."],
+    )
+    if run.recording.estimated:
+        sentences.append(f"What the plant does not report but estimates: {', '.join(run.recording.estimated)}.")
+    if not plant.noise and not plant.measured_offset:
+        sentences.append("Noise and offset of the measured state: the controller is told the truth (plant.noise).")
+    if not plant.delay and run.summary["coupling"] == "zero-delay":
+        sentences.append("Delay: a command acts in the period in which it was computed (plant.delay, --coupling).")
+    return [
+        *sentences,
+        "Obstacles that are seen late, wrongly or not at all: the controller knows them from the start.",
+        "The plant model's own error against a real car.",
+    ]
 
 
 def _provenance(s: dict[str, Any]) -> list[tuple[str, str]]:
     versions = ", ".join(f"{name} {version}" for name, version in s["versions"].items())
+    plant = s["tables"].get("plant", {})
+    seed = f"noise of seed {plant.get('noise_seed', 0)}" if plant.get("noise") else "none"
     return [
         ("Command", s["command_line"] or "(library call)"),
         ("Coupling", s["coupling"]),
-        ("Randomness", "none: the same inputs give the same recording"),
+        ("Randomness", f"{seed}: the same inputs give the same recording"),
         ("Versions", versions),
     ]
 
