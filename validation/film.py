@@ -64,6 +64,7 @@ class Camera:
 
         model, data, view = self._plant.model, self._plant.data, self._view
         mujoco.mj_kinematics(model, data)  # poses are one step old after a step
+        mujoco.mj_camlight(model, data)
         x, y, z = data.qpos[:3]
         w, _, _, k = data.qpos[3:7]
         yaw = 2.0 * math.atan2(k, w)
