@@ -13,7 +13,6 @@ from sidestep.validation.runs import Run
 from sidestep.validation.scrubber import scrubber_data
 from sidestep.validation.signals_figure import signals_figure
 from sidestep.validation.still import still
-from sidestep.validation.still import still
 from sidestep.validation.style import BLUE, GREEN, ORANGE, PURPLE
 from sidestep.validation.summary import strict_json
 from sidestep.validation.topview import distance, top_view
@@ -48,7 +47,6 @@ def run_report(run: Run) -> str:
         signals=picture(signals_figure(run.scenario, run.recording, run.judgement)),
         scrubber=scrubber_data(run.scenario, run.recording, run.judgement),
         usage=picture(usage_figure(run.scenario, run.recording)),
-        still=still(run.scenario, run.recording, run.judgement.time),
         still=still(run.scenario, run.recording, run.judgement.time),
         numbers=_numbers(run),
         not_covered=_not_covered(run),
