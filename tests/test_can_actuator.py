@@ -63,8 +63,8 @@ def test_init_keeps_wheels_and_speed_until_the_channel_is_valid():
 
 def test_the_first_call_starts_from_the_wheels_whatever_has_arrived():
     bench = Bench(angle=0.05)
-    assert bench.step(*[bench.frame(angle=0.05) for _ in range(10)]) is ACTIVE
-    assert bench.angle == pytest.approx(0.05)
+    assert bench.step(*[bench.frame(angle=0.5) for _ in range(10)]) is ACTIVE
+    assert bench.angle == pytest.approx(0.05)  # no time has passed yet
 
 
 def test_init_goes_with_the_wheels_and_what_follows_does_not():

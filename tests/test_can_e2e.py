@@ -1,5 +1,7 @@
 """Protection profiles and the E2E state machine, transition by transition."""
 
+from dataclasses import FrozenInstanceError
+
 import e2e.crc
 import pytest
 from hypothesis import given
@@ -108,6 +110,8 @@ def test_fd_export_keeps_frame_format_and_data_ids():
 def test_the_database_says_which_protection_it_describes(protection, number, length):
     for message in load_dbc(protection).messages:
         assert (message.dbc.attributes["E2EProfile"].value, message.length) == (number, length)
+        assert message.is_fd == (protection == "P05")
+        assert message.dbc.attributes["VFrameFormat"].value == (14 if message.is_fd else 0)
         if protection != "P02":
             given = "" if protection == "none" else f"{message.frame_id:04x}"
             assert message.dbc.attributes["E2EDataIDs"].value == given
@@ -120,6 +124,8 @@ def test_the_database_says_which_protection_it_describes(protection, number, len
 def test_profiles_are_values():
     assert len({Profile2(bytes(16)), Profile2(bytes(16)), Profile5(1), Unprotected(), Unprotected()}) == 3
     assert Unprotected().counter_of(b"anything") == 0
+    with pytest.raises(FrozenInstanceError):
+        m.STEER_CMD.length = 9
 
 
 def test_without_protection_only_the_length_counts():

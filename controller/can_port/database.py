@@ -188,13 +188,15 @@ def _protected(message: Message, protection: Protection) -> ProtectedMessage:
 
 def _packed(signal: Signal) -> PackedSignal:
     scale = signal.scale
+    assert signal.minimum is not None
+    assert signal.maximum is not None
     return PackedSignal(
         name=signal.name,
         start=signal.start,
         mask=(1 << signal.length) - 1,
         sign_bit=1 << signal.length - 1 if signal.is_signed else 0,
         scale=scale,
-        low=round((signal.minimum or 0) / scale),
-        high=round((signal.maximum or 0) / scale),
+        low=round(signal.minimum / scale),
+        high=round(signal.maximum / scale),
         safe=int(signal.raw_initial or 0),
     )
