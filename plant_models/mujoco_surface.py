@@ -1,8 +1,10 @@
 """What the MuJoCo car drives on: tilt, patches of other friction, bumps."""
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +61,21 @@ class HeightField:
             raise InputError("heights", f"shape {self.heights.shape}", "a matrix of finite numbers, at least 2 x 2")
         if not 0.0 < self.spacing < math.inf:
             raise InputError("heights.spacing", f"{self.spacing} m", "> 0")
+
+    @classmethod
+    def from_csv(cls, path: str | Path, spacing: float, x: float = 0.0, y: float = 0.0) -> "HeightField":
+        """Read the heights from a file: a line per y, in it a number per x, with commas, in [m].
+
+        Raises:
+            InputError: The file holds no matrix, or a value is out of range.
+        """
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")  # of an empty file
+                heights = np.loadtxt(path, delimiter=",", ndmin=2)
+        except (OSError, ValueError, UserWarning) as error:
+            raise InputError(str(path), f"no matrix of heights ({error})", "rows along x, one per y, in [m]") from error
+        return cls(heights, spacing, x, y)
 
     def at(self, x: float, y: float) -> float:
         """Height at a point, that of the edge beyond it, in [m]."""

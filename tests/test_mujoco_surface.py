@@ -8,8 +8,8 @@ import pytest
 
 from sidestep.plant_models.contact_tyre import TYRE_MODES, friction_at
 from sidestep.plant_models.errors import InputError
-from sidestep.plant_models.mujoco_bodies import WHEELS, corners
-from sidestep.plant_models.mujoco_car import car_spec
+from sidestep.plant_models.mujoco_bodies import WHEELS, corners, sprung_body
+from sidestep.plant_models.mujoco_car import TYRE_DAMPING, car_spec
 from sidestep.plant_models.mujoco_plant import MujocoPlant
 from sidestep.plant_models.mujoco_surface import FrictionPatch, HeightField, Surface, patch_table
 from sidestep.plant_models.road import Arc, ReferencePath
@@ -102,10 +102,57 @@ def test_bumps_lift_the_wheels():
     assert found.min() > 0.0
 
 
+def test_wheel_loads_over_a_wave_are_those_of_the_linear_half_car():
+    """Heave and pitch of the sprung mass, two axles on springs and tyres, as complex amplitudes at one frequency."""
+    length, height, speed = 4.0, 0.005, 8.0
+    x = np.arange(-8.0, 52.0, 0.05)
+    wave = HeightField(np.tile(height * np.sin(2.0 * math.pi / length * x), (81, 1)), 0.05, -8.0, -2.0)
+    plant = MujocoPlant(BMW, surface=Surface(heights=wave))
+    states = drive(plant, VehicleState(v_x=speed), 2.5, 0.0, speed)  # until what it began with has died away
+    phases, found = [], []
+    for _ in range(200):  # four waves
+        phases.append(2.0 * math.pi / length * states[-1].x)
+        found.append(loads(plant))
+        states.append(plant.step(SteeringCommand(0.0, 0.0, speed), 0.01))
+    basis = np.column_stack([np.sin(phases), np.cos(phases), np.ones(len(phases))])
+    sine, cosine, mean = np.linalg.lstsq(basis, np.array(found), rcond=None)[0]
+    assert mean == pytest.approx([c.load for c in corners(BMW)], rel=0.01)
+    assert np.abs(sine + 1j * cosine) == pytest.approx(half_car_loads(length, height, speed), rel=0.03)
+
+
+def half_car_loads(length, height, speed):
+    """Amplitude of the wheel loads, in [N]."""
+    data, omega, stations = BMW.suspension, 2.0 * math.pi * speed / length, corners(BMW)
+    mass, (offset, _, _), (_, inertia, _) = sprung_body(BMW)
+    levers = np.array([station.x - offset for station in stations])
+    suspension = np.array([station.spring + 1j * omega * station.damper for station in stations])
+    tyre = data.tyre_stiffness + 1j * omega * TYRE_DAMPING
+    road = height * np.exp(2j * math.pi / length * np.array([station.x for station in stations]))
+    system, right = np.zeros((6, 6), complex), np.zeros(6, complex)  # heave, pitch (nose up), four wheels
+    system[0, 0], system[1, 1] = -mass * omega**2, -inertia * omega**2
+    for i, (lever, spring) in enumerate(zip(levers, suspension, strict=True)):
+        stretch = np.zeros(6)
+        stretch[[0, 1, 2 + i]] = 1.0, lever, -1.0
+        system += spring * np.outer(stretch, stretch)
+        system[2 + i, 2 + i] += tyre - stations[i].mass * omega**2
+        right[2 + i] = tyre * road[i]
+    return np.abs(tyre * (road - np.linalg.solve(system, right)[2:]))
+
+
 def test_heights_between_the_grid_points_are_bilinear():
     field = HeightField(np.array([[0.0, 1.0, 2.0], [10.0, 11.0, 12.0]]), 0.5, 1.0, 2.0)
     for x, y, expected in [(1.0, 2.0, 0.0), (1.25, 2.0, 0.5), (1.75, 2.25, 6.5), (9.0, 9.0, 12.0), (-1.0, 0.0, 0.0)]:
         assert field.at(x, y) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("text", ["", "1,2\n3\n", "a,b\n"])
+def test_a_file_without_a_matrix_is_named(text, tmp_path):
+    file = tmp_path / "heights.csv"
+    for _ in range(2):
+        with pytest.raises(InputError, match="no matrix of heights") as error:
+            HeightField.from_csv(file, 1.0)
+        assert error.value.where == str(file)
+        file.write_text(text)
 
 
 @pytest.mark.parametrize(("mode", "spread"), [("magic-formula", 0.003), ("contact", 0.004)])

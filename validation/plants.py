@@ -95,7 +95,7 @@ def true_vehicle(scenario: Scenario) -> VehicleParameters:
 
 
 def _require_plain_road(settings: PlantSettings) -> None:
-    for name in ("tyre", "grade", "bank", "patches"):
+    for name in ("tyre", "grade", "bank", "patches", "heights"):
         if getattr(settings, name) != getattr(PlantSettings, name):
             raise InputError(f"plant.{name}", f"the plant {settings.name} does not know it", "only with plant mujoco")
 

@@ -11,7 +11,7 @@ from msgspec import Meta
 
 from sidestep.controller import ControllerConfig
 from sidestep.plant_models.errors import InputError
-from sidestep.plant_models.mujoco_surface import FrictionPatch, Surface
+from sidestep.plant_models.mujoco_surface import FrictionPatch, HeightField, Surface
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import Arc, Clothoid, Line, ReferencePath
 from sidestep.plant_models.signals import VehicleState
@@ -37,6 +37,7 @@ class PlantSettings:
         tyre: What shears the tyres of MuJoCo's car, see `MujocoPlant`.
         grade, bank: Rise of its road per metre along x and along y.
         patches: Patches of other friction on its road; tables of `FrictionPatch` in the file.
+        heights: Bumps on that road, None for none; in the file a table of what `HeightField.from_csv` takes.
         map: Mapping file (TOML) of an FMU that is not ours; empty for none.
         steer_offset: Added to every commanded road-wheel angle, in [rad]: a misaligned steering, which the
             reported angle does not show.
@@ -54,6 +55,7 @@ class PlantSettings:
     grade: float = 0.0
     bank: float = 0.0
     patches: tuple[Any, ...] = ()
+    heights: Any = None
     map: str = ""
     steer_offset: float = 0.0
     mass: Positive = 1.0
@@ -72,7 +74,7 @@ class PlantSettings:
     @property
     def surface(self) -> Surface:
         """The road of MuJoCo's car."""
-        return Surface(self.grade, self.bank, self.patches)
+        return Surface(self.grade, self.bank, self.patches, self.heights)
 
 
 @dataclass(frozen=True)
@@ -128,6 +130,14 @@ class _Road:
     width_right: Positive
     segments: list[Any] = field(default_factory=list)
     waypoints: str = ""
+
+
+@dataclass
+class _Heights:
+    path: str
+    spacing: Positive
+    x: float = 0.0
+    y: float = 0.0
 
 
 @dataclass
@@ -284,7 +294,14 @@ def _plant(table: dict[str, Any], folder: Path) -> PlantSettings:
     plant = PlantSettings(**checked(PlantSettings, table, "plant"))
     kind = str(folder / plant.kind) if plant.kind.endswith(".fmu") else plant.kind
     patches = tuple(_made(FrictionPatch, patch, f"plant.patches[{i}]") for i, patch in enumerate(plant.patches))
-    return replace(plant, kind=kind, patches=patches, map=str(folder / plant.map) if plant.map else "")
+    heights = None if plant.heights is None else _heights(plant.heights, folder)
+    map_file = str(folder / plant.map) if plant.map else ""
+    return replace(plant, kind=kind, patches=patches, heights=heights, map=map_file)
+
+
+def _heights(table: Any, folder: Path) -> HeightField:
+    values = checked(_Heights, table, "plant.heights")
+    return HeightField.from_csv(folder / values.pop("path"), **values)
 
 
 def _check_start(scenario: Scenario, s: float) -> None:
