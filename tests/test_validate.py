@@ -34,13 +34,13 @@ def test_a_failing_check_is_shown_and_sets_the_exit_status(monkeypatch, capsys):
     checks = [Check("1 good", 0.1, 0.2, "mm"), Check("2 bad", 0.3, 0.2, ""), Check("3 lost", math.nan, 0.2, "")]
     monkeypatch.setattr(module, "validate_mujoco", lambda: checks)
     monkeypatch.setattr(module, "long_drive", list)
-    assert main(["validate"]) == 1
+    assert main(["validate", "--checks"]) == 1
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[-1] for line in lines if line.split() and line.split()[0] in "123"] == ["PASS", "FAIL", "FAIL"]
     monkeypatch.setattr(module, "validate_mujoco", lambda: checks[:1])
-    assert main(["validate", "--plant", "mujoco"]) == 0
+    assert main(["validate", "--plant", "mujoco", "--checks"]) == 0
 
 
 def test_a_plant_without_checks_is_refused(capsys):
-    assert main(["validate", "--plant", "linear"]) == 2
+    assert main(["validate", "--plant", "linear", "--checks"]) == 2
     assert capsys.readouterr().err == "sidestep: --plant: no checks for 'linear'; allowed: mujoco\n"

@@ -16,8 +16,10 @@ from typing import NoReturn
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.validation.campaign_commands import add_campaign
 from sidestep.validation.can_commands import add_can
+from sidestep.validation.compare_commands import add_compare, add_golden
 from sidestep.validation.fmu_commands import add_fmu
 from sidestep.validation.limits_commands import add_limits
+from sidestep.validation.validate_commands import add_validate
 
 BAD_INPUT, INTERRUPTED = 2, 130
 
@@ -52,8 +54,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=version("sidestep"))
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    own = (_add_demo, _add_run, _add_scenarios, _add_validate, add_campaign, _add_bench)
-    for add in (*own, add_limits, add_fmu, add_can):
+    own = (_add_demo, _add_run, _add_scenarios, add_validate, add_campaign, _add_bench)
+    for add in (*own, add_compare, add_golden, add_limits, add_fmu, add_can):
         add(commands)
     return parser
 
@@ -83,6 +85,7 @@ def _add_run(commands: argparse._SubParsersAction) -> None:
         "--coupling", default="zero-delay", choices=("zero-delay", "one-step-delay"), help="default: %(default)s"
     )
     run.add_argument("--out", type=Path, metavar="DIR", help="default: runs/<time>-<scenario>")
+    run.add_argument("--mf4", action="store_true", help="also write recording.mf4; needs the extra mdf")
     run.add_argument("--junit", type=Path, metavar="FILE", help="also write the verdict as a test case")
     run.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
@@ -102,19 +105,6 @@ def _add_bench(commands: argparse._SubParsersAction) -> None:
     bench.add_argument("--json", type=Path, metavar="FILE", help="also write the figures as JSON")
     bench.add_argument("--solvers", action="store_true", help="compare QP solvers, too")
     bench.set_defaults(command=_bench)
-
-
-def _add_validate(commands: argparse._SubParsersAction) -> None:
-    validate = commands.add_parser("validate", help="prove a plant by its checks")
-    validate.add_argument("--plant", default="mujoco", metavar="PLANT", help="default: %(default)s")
-    validate.add_argument("--out", type=Path, metavar="DIR", help="also write the figures there")
-    validate.set_defaults(command=_validate)
-
-
-def _validate(options: argparse.Namespace) -> int:
-    from sidestep.validation.validate import validate
-
-    return validate(options.plant, options.out)
 
 
 def _demo(options: argparse.Namespace) -> int:
@@ -142,6 +132,7 @@ def _run(options: argparse.Namespace) -> int:
     from sidestep.validation.campaign_commands import compared_to_row, replayed
     from sidestep.validation.console import print_runs, progress_bar
     from sidestep.validation.junit import write_junit
+    from sidestep.validation.mdf import require_mdf, write_mdf
     from sidestep.validation.report import junit_case, write_run
     from sidestep.validation.runs import drive
     from sidestep.validation.scenario import load_scenario
@@ -154,12 +145,16 @@ def _run(options: argparse.Namespace) -> int:
     else:
         scenario = load_scenario(options.scenario, changes)
     folder = options.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{scenario.name}"
+    if options.mf4:
+        require_mdf()
     with progress_bar(f"{scenario.name} on {scenario.plant.name}", scenario.duration) as progress:
         run = drive(
             scenario, folder, can, options.coupling, options.allow_real_bus, options.view, progress,
             options.command_line, options.render,
         )  # fmt: skip
         write_run(run)
+    if options.mf4:
+        write_mdf(folder / "recording.mf4", run.recording, f"{scenario.name} on {scenario.plant.name}")
     if options.junit:
         write_junit(options.junit, "sidestep run", [junit_case(run)])
     print_runs([run.summary])
