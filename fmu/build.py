@@ -1,46 +1,53 @@
 """Build native plant FMUs on first use into a cache keyed by content, so that nothing is built twice."""
 
 import hashlib
-import importlib.util
 import io
 import os
-import shlex
-import shutil
 import string
-import subprocess
-import sys
 import tempfile
 import uuid
 import zipfile
-from functools import cache
+from collections.abc import Sequence
 from pathlib import Path
 
 import fmpy
 
+from sidestep.fmu.expected_output import expected_output
+from sidestep.fmu.icon import draw_icon
 from sidestep.fmu.model_description import build_description, model_description, variable_rows
 from sidestep.fmu.plants import find_model
+from sidestep.fmu.platforms import (
+    HOST,
+    Platform,
+    all_platforms,
+    compile_library,
+    compiler_call,
+    compiler_version,
+    find_compiler,
+)
 from sidestep.fmu.variables import Model, c_header
-from sidestep.plant_models.errors import InputError, PlantError
+from sidestep.plant_models.errors import InputError
 
 _FOLDER = Path(__file__).parent
 _FMI_HEADERS = Path(fmpy.__file__).parent / "c-code"
 _COMMON_SOURCES = ("instance.c", "instance.h", "fmi2.c", "fmi3.c")
-# no fused multiply-add and no -march=native: the same bits on every machine
-_FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno")
-_WAYS_OUT = "install gcc or clang (or set CC), `pip install sidestep[cross]`, or take --plant linear or mujoco"
+_ICON_PLACE = (
+    b'<?xml version="1.0" encoding="UTF-8"?>\n<fmiTerminalsAndIcons fmiVersion="3.0"><GraphicalRepresentation>'
+    b'<CoordinateSystem x1="-100" y1="-100" x2="100" y2="100"/><Icon x1="-100" y1="-100" x2="100" y2="100"/>'
+    b"</GraphicalRepresentation></fmiTerminalsAndIcons>\n"
+)
 
 
-class CompilerError(PlantError):
-    """No C compiler, or one that failed; the message says what to do."""
-
-
-def build_fmu(model: str = "single-track", fmi: int = 3, out: str | Path | None = None) -> Path:
-    """A native plant as an FMU for this machine.
+def build_fmu(
+    model: str = "single-track", fmi: int = 3, out: str | Path | None = None, everywhere: bool = False
+) -> Path:
+    """A native plant as an FMU.
 
     Args:
         model: One of `plants.MODELS`.
         fmi: 2 or 3.
         out: Where to put it; the cache's own file if None.
+        everywhere: For all of `PLATFORMS`, which takes the package ziglang, not for this machine alone.
 
     Returns:
         Path of the .fmu file.
@@ -49,17 +56,20 @@ def build_fmu(model: str = "single-track", fmi: int = 3, out: str | Path | None 
         InputError: Unknown model or FMI version, or `out` or the cache cannot be written.
         CompilerError: The FMU is not in the cache and cannot be compiled.
     """
-    file = build_model(find_model(model), fmi)
+    file = build_model(find_model(model), fmi, platforms=all_platforms() if everywhere else (HOST,))
     return copy_to(file, Path(out)) if out else file
 
 
-def build_model(model: Model, fmi: int, resources: dict[str, bytes] | None = None) -> Path:
+def build_model(
+    model: Model, fmi: int, resources: dict[str, bytes] | None = None, platforms: Sequence[Platform] = (HOST,)
+) -> Path:
     """The FMU of a variable table and its C files, from the cache if it is there.
 
     Args:
         model: What to build.
         fmi: 2 or 3.
         resources: Files in resources/, by name.
+        platforms: What to compile for, this machine among it.
 
     Raises:
         InputError: Unknown FMI version, or the cache cannot be written.
@@ -67,14 +77,31 @@ def build_model(model: Model, fmi: int, resources: dict[str, bytes] | None = Non
     """
     if fmi not in (2, 3):
         raise InputError("fmi", f"{fmi}", "2, 3")
-    compiler = find_compiler()
-    recipe = repr((compiler, _version(tuple(compiler)), _FLAGS)).encode()
-    contents = _contents(model) | {f"resources/{name}": data for name, data in (resources or {}).items()}
-    file = _cache_folder() / f"{model.identifier}-fmi{fmi}-{_digest(contents | {'recipe': recipe})}.fmu"
+    recipes = [_recipe(platform) for platform in platforms]
+    contents = _contents(model, fmi) | {f"resources/{name}": data for name, data in (resources or {}).items()}
+    key = _digest(contents | {"recipes": repr(recipes).encode()})
+    file = _cache_folder() / f"{model.identifier}-fmi{fmi}-{key}.fmu"
     if not file.exists():
-        library = _library(model, _digest(source_files(model) | {"recipe": recipe}))
-        _write(file, _archive(model, fmi, contents, library))
+        for platform, recipe in zip(platforms, recipes, strict=True):
+            library = _library(model, platform, _digest(source_files(model) | {"recipe": recipe.encode()}))
+            folder = platform.fmi2 if fmi == 2 else platform.fmi3
+            contents[f"binaries/{folder}/{model.identifier}{platform.suffix}"] = library.read_bytes()
+        if not model.needs_tool:
+            contents["documentation/expected_output.csv"] = _expected_output(model, contents)
+        _write(file, _archive(contents))
     return file
+
+
+def _recipe(platform: Platform) -> str:
+    call = compiler_call(platform)
+    return repr((call, compiler_version(tuple(find_compiler(platform)))))
+
+
+def _expected_output(model: Model, contents: dict[str, bytes]) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        draft = Path(folder, f"{model.identifier}.fmu")
+        draft.write_bytes(_archive(contents))
+        return expected_output(draft, model)
 
 
 def copy_to(file: Path, out: Path) -> Path:
@@ -88,34 +115,6 @@ def copy_to(file: Path, out: Path) -> Path:
     except OSError as error:
         raise InputError(str(out), f"cannot be written: {error.strerror}") from error
     return out
-
-
-def find_compiler() -> list[str]:
-    """Command line of the C compiler: $CC, else cc, else the one in the ziglang package.
-
-    Raises:
-        CompilerError: There is none.
-    """
-    command = shlex.split(os.environ.get("CC", "")) or ["cc"]
-    if shutil.which(command[0]):
-        return command
-    if importlib.util.find_spec("ziglang"):
-        return [sys.executable, "-m", "ziglang", "cc", "-mcpu=baseline"]
-    raise CompilerError(f"no C compiler: {command[0]!r} is not on the PATH; {_WAYS_OUT}")
-
-
-def compile_library(sources: Path, output: Path, flags: tuple[str, ...] = ()) -> None:
-    """Compile every C file of a folder into one shared library, with further compiler flags.
-
-    Raises:
-        CompilerError: No compiler, or it failed: the first lines of what it said.
-    """
-    files = sorted(str(file) for file in sources.glob("*.c"))
-    command = [*find_compiler(), *_FLAGS, *flags, f"-I{sources}", *files, "-o", str(output), "-lm"]
-    result = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
-    if result.returncode != 0:
-        said = "; ".join(result.stderr.strip().splitlines()[:4]) or f"exit status {result.returncode}"
-        raise CompilerError(f"{command[0]} failed: {said}; {_WAYS_OUT}")
 
 
 def source_files(model: Model) -> dict[str, bytes]:
@@ -136,22 +135,20 @@ def _c_files(files: dict[str, bytes]) -> list[str]:
     return sorted(name for name in files if name.endswith(".c"))
 
 
-def _contents(model: Model) -> dict[str, bytes]:
-    """All files of both FMUs but the binary, by path in the archive; the XML files by standard."""
+def _contents(model: Model, fmi: int) -> dict[str, bytes]:
+    """All files of the FMU but binaries and what they answer, by path in the archive."""
     sources = source_files(model)
     page = (_FOLDER / "resources" / f"{model.identifier}.html").read_text(encoding="utf-8")
-    files = {f"sources/{name}": data for name, data in sources.items()}
+    files = {"modelDescription.xml": model_description(model, fmi, _token(model), _c_files(sources))}
+    files |= {f"sources/{name}": data for name, data in sources.items()}
     files["documentation/index.html"] = string.Template(page).substitute(variables=variable_rows(model)).encode()
-    for fmi in (2, 3):
-        files[f"{fmi}/modelDescription.xml"] = model_description(model, fmi, _token(model), _c_files(sources))
-    return files
+    icon = draw_icon(model.identifier)
+    if fmi == 2:
+        return files | {"model.png": icon}
+    return files | {"terminalsAndIcons/icon.png": icon, "terminalsAndIcons/terminalsAndIcons.xml": _ICON_PLACE}
 
 
-def _archive(model: Model, fmi: int, files: dict[str, bytes], library: Path) -> bytes:
-    platform = fmpy.platform if fmi == 2 else fmpy.platform_tuple
-    description = files[f"{fmi}/modelDescription.xml"]
-    files = {"modelDescription.xml": description} | {k: v for k, v in files.items() if not k[0].isdigit()}
-    files[f"binaries/{platform}/{model.identifier}{fmpy.sharedLibraryExtension}"] = library.read_bytes()
+def _archive(files: dict[str, bytes]) -> bytes:
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in files.items():
@@ -159,16 +156,17 @@ def _archive(model: Model, fmi: int, files: dict[str, bytes], library: Path) -> 
     return buffer.getvalue()
 
 
-def _library(model: Model, key: str) -> Path:
+def _library(model: Model, platform: Platform, key: str) -> Path:
     """The compiled binary, one for both standards."""
-    library = _cache_folder() / f"{model.identifier}-{key}{fmpy.sharedLibraryExtension}"
+    library = _cache_folder() / f"{model.identifier}-{key}{platform.suffix}"
     if not library.exists():
         with tempfile.TemporaryDirectory(dir=library.parent) as folder:
             for name, data in source_files(model).items():
                 Path(folder, name).write_bytes(data)
-            fresh = Path(folder, library.name)
-            compile_library(Path(folder), fresh)
-            fresh.replace(library)
+            output = Path(folder, "output", library.name)
+            output.parent.mkdir()
+            compile_library(Path(folder), output, platform=platform)
+            output.replace(library)
     return library
 
 
@@ -192,12 +190,6 @@ def _write(file: Path, data: bytes) -> None:
         fresh.replace(file)
     finally:
         fresh.unlink(missing_ok=True)
-
-
-@cache
-def _version(compiler: tuple[str, ...]) -> str:
-    result = subprocess.run([*compiler, "--version"], capture_output=True, text=True, errors="replace", check=False)
-    return result.stdout.partition("\n")[0]
 
 
 def _digest(files: dict[str, bytes]) -> str:

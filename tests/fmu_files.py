@@ -8,8 +8,9 @@ from pathlib import Path
 import fmpy
 import numpy as np
 
-from sidestep.fmu.build import build_fmu, compile_library, source_files
+from sidestep.fmu.build import build_fmu, source_files
 from sidestep.fmu.plants import MODELS
+from sidestep.fmu.platforms import compile_library
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle import VehicleParameters
 

@@ -11,13 +11,17 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import fmpy
+import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
 from fmu_files import QUICK
+from PIL import Image
 
-from sidestep.fmu import build
-from sidestep.fmu.build import CompilerError, build_fmu, compile_library
+from sidestep.fmu import build, platforms
+from sidestep.fmu.build import build_fmu
+from sidestep.fmu.icon import SIZE, draw_icon
 from sidestep.fmu.plants import MODELS, vehicle_values
+from sidestep.fmu.platforms import PLATFORMS, CompilerError, compile_library
 from sidestep.fmu.variables import ATTRIBUTES, UNITS
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.vehicle import VehicleParameters
@@ -38,7 +42,7 @@ def fmu(fmi):
 @pytest.fixture
 def empty_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(build, "_FLAGS", (*build._FLAGS, *QUICK))
+    monkeypatch.setattr(platforms, "_FLAGS", (*platforms._FLAGS, *QUICK))
     return tmp_path / "cache" / "sidestep"
 
 
@@ -119,6 +123,10 @@ def test_archive_holds_documentation_and_all_sources(fmu, fmi, tmp_path):
     with zipfile.ZipFile(fmu) as archive:
         archive.extractall(tmp_path)
     page = (tmp_path / "documentation" / "index.html").read_text()
+    icon = tmp_path / ("model.png" if fmi == 2 else "terminalsAndIcons/icon.png")
+    with Image.open(icon) as image:
+        assert image.size == (SIZE, SIZE)
+        assert len(image.getcolors(SIZE * SIZE)) > 2
     assert all(f"<td>{row.name}</td>" in page for row in MODEL.variables)
     assert "$" not in page
     compile_library(tmp_path / "sources", tmp_path / "again.so", QUICK)  # as anybody could
@@ -126,9 +134,35 @@ def test_archive_holds_documentation_and_all_sources(fmu, fmi, tmp_path):
     assert binary.parent.name == (fmpy.platform if fmi == 2 else fmpy.platform_tuple)
 
 
+def test_every_kind_of_fmu_has_its_own_icon():
+    icons = {draw_icon(name) for name in ("single_track", "double_track", "steering_controller")}
+    assert len(icons) == 3
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_expected_output_is_what_another_importer_gets(model, fmi, tmp_path):
+    file = build_fmu(model, fmi)
+    with zipfile.ZipFile(file) as archive:
+        table = archive.extract("documentation/expected_output.csv", tmp_path)
+    expected = np.genfromtxt(table, delimiter=",", names=True)
+    inputs = expected[["time", "steer_angle_command", "target_speed"]]
+    held = np.repeat(inputs, 2)[1:-1]  # fmpy interpolates: a step stands as two rows at the same time
+    held["time"][0::2] = inputs["time"][:-1]
+    held["time"][1::2] = inputs["time"][1:]
+    for name in ("steer_angle_command", "target_speed"):
+        held[name][1::2] = held[name][0::2]
+    names = [row.name for _, row in MODELS[model].of_kind("state")]
+    found = fmpy.simulate_fmu(str(file), stop_time=4.0, output_interval=0.02, input=held, output=names)
+    assert np.abs(expected["y"]).max() > 0.5
+    for name in names:
+        np.testing.assert_allclose(found[name], expected[name], rtol=0, atol=1e-9, err_msg=name)
+
+
 def test_second_build_compiles_nothing_and_both_standards_share_the_binary(empty_cache, monkeypatch):
     compiled = []
-    monkeypatch.setattr(build, "compile_library", lambda s, o: (compiled.append(o), compile_library(s, o)))
+    monkeypatch.setattr(
+        build, "compile_library", lambda s, o, platform: (compiled.append(o), compile_library(s, o, platform=platform))
+    )
     first = build_fmu(fmi=3)
     before = first.read_bytes()
     assert build_fmu(fmi=3) == first
@@ -165,7 +199,62 @@ def test_no_compiler_names_the_ways_out(no_compiler):
 
 def test_ziglang_stands_in_for_a_missing_compiler(no_compiler, monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: name == "ziglang")
-    assert build.find_compiler()[:4] == [sys.executable, "-m", "ziglang", "cc"]
+    assert platforms.find_compiler()[:4] == [sys.executable, "-m", "ziglang", "cc"]
+
+
+@pytest.fixture
+def zig_that_copies(empty_cache, monkeypatch):
+    """For every other platform, a file that says which; zig itself takes minutes at first."""
+    monkeypatch.setattr(platforms.importlib.util, "find_spec", lambda name: name == "ziglang")
+    monkeypatch.setattr(build, "compiler_version", lambda command: "zig")
+
+    def compile_or_copy(sources, output, platform):
+        if platform.target:
+            output.write_text(platform.target)
+        else:
+            compile_library(sources, output)
+
+    monkeypatch.setattr(build, "compile_library", compile_or_copy)
+
+
+def test_one_fmu_holds_the_binaries_of_all_platforms(zig_that_copies, fmi, tmp_path):
+    file = build_fmu("linear", fmi, tmp_path / "car.fmu", everywhere=True)
+    with zipfile.ZipFile(file) as archive:
+        found = {name.split("/")[1]: name for name in archive.namelist() if name.startswith("binaries/")}
+        for platform in PLATFORMS:
+            name = found.pop(platform.fmi2 if fmi == 2 else platform.fmi3)
+            assert name.endswith(f"/linear{platform.suffix}")
+            if platform.fmi3 != fmpy.platform_tuple:
+                assert archive.read(name).decode() == platform.target
+    assert found == {}
+    assert validate_fmu(str(file)) == []
+
+
+def test_without_ziglang_there_is_no_compiling_for_others(monkeypatch):
+    monkeypatch.setattr(platforms.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(CompilerError, match=r"ziglang is not installed; `pip install sidestep\[cross\]`"):
+        build_fmu(everywhere=True)
+
+
+MAGIC = {".so": b"\x7fELF", ".dll": b"MZ", ".dylib": b"\xcf\xfa\xed\xfe"}
+MACHINE = {"x86_64-linux": (18, 62), "aarch64-linux": (18, 183), "x86_64-darwin": (4, 7), "aarch64-darwin": (4, 12)}
+"""Where the processor stands in an ELF or Mach-O file, and its number."""
+
+
+@pytest.mark.parametrize("platform", PLATFORMS, ids=lambda platform: platform.fmi3)
+def test_zig_compiles_for(platform, tmp_path):
+    pytest.importorskip("ziglang", reason="needs ziglang (the extra cross)")
+    for name, data in build.source_files(MODEL).items():
+        (tmp_path / name).write_bytes(data)
+    (tmp_path / "output").mkdir()
+    compile_library(tmp_path, tmp_path / "output" / "car", platform=platform)
+    data = (tmp_path / "output" / "car").read_bytes()
+    assert data.startswith(MAGIC[platform.suffix])
+    if platform.fmi3 in MACHINE:
+        place, number = MACHINE[platform.fmi3]
+        assert data[place] == number
+    assert b"fmi3DoStep" in data
+    assert b"fmi2DoStep" in data
 
 
 def test_failing_compiler_shows_what_it_said(empty_cache, tmp_path, monkeypatch):

@@ -12,9 +12,10 @@ import pytest
 from fmpy.fmi1 import FMICallException
 from fmu_files import CAR, QUICK, START, binary, changed, description, patched, slalom
 
-from sidestep.fmu.build import build_fmu, compile_library
+from sidestep.fmu.build import build_fmu
 from sidestep.fmu.fmu_plant import FmuPlant
 from sidestep.fmu.mapping import Mapping, Signal
+from sidestep.fmu.platforms import compile_library
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.signals import SteeringCommand
 

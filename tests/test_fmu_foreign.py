@@ -10,10 +10,11 @@ from fmu_files import CAR, FOREIGN_MAP, QUICK, binary, changed, description, for
 
 from sidestep.controller import SteeringController
 from sidestep.fmu.archive import unpack
-from sidestep.fmu.build import build_fmu, compile_library
+from sidestep.fmu.build import build_fmu
 from sidestep.fmu.estimation import Estimator
 from sidestep.fmu.fmu_plant import FmuPlant
 from sidestep.fmu.mapping import OUTPUTS, Mapping
+from sidestep.fmu.platforms import compile_library
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.linear_plant import LinearPlant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sidestep.fmu.build import compile_library, source_files
+from sidestep.fmu.build import source_files
 from sidestep.fmu.fmu_plant import FmuPlant
 from sidestep.fmu.plants import MODELS, vehicle_values
+from sidestep.fmu.platforms import compile_library
 from sidestep.plant_models.bicycle import continuous
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.tyre import cornering_stiffness, magic_formula

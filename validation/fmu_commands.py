@@ -18,6 +18,10 @@ def _add_build(commands: argparse._SubParsersAction) -> None:
     build.add_argument("model", metavar="MODEL", help="single-track, double-track or linear")
     build.add_argument("--fmi", type=int, default=3, choices=(2, 3), help="default: %(default)s")
     build.add_argument("--out", type=Path, metavar="FILE", help="default: MODEL.fmu")
+    build.add_argument(
+        "--platform", choices=("here", "all"), default="here",
+        help="all: binaries for Linux and macOS on x86-64 and ARM and for Windows in one FMU, by ziglang",
+    )  # fmt: skip
     build.set_defaults(command=_build)
 
 
@@ -52,7 +56,8 @@ def _add_check(commands: argparse._SubParsersAction) -> None:
 def _build(options: argparse.Namespace) -> int:
     from sidestep.fmu.build import build_fmu
 
-    print(build_fmu(options.model, options.fmi, options.out or Path(f"{options.model}.fmu")))
+    out = options.out or Path(f"{options.model}.fmu")
+    print(build_fmu(options.model, options.fmi, out, everywhere=options.platform == "all"))
     return 0
 
 
