@@ -17,6 +17,7 @@ from sidestep.validation.credibility import credibility_report
 from sidestep.validation.evidence import Evidence
 from sidestep.validation.files import made, write_text
 from sidestep.validation.judge import judge
+from sidestep.validation.recording import write_columns
 from sidestep.validation.report import demo_report, run_report, write_run
 from sidestep.validation.runs import Run
 from sidestep.validation.scenario import load_scenario
@@ -37,6 +38,13 @@ def drive(scene="single-obstacle", overrides=(), aim=0.0, folder=None, duration=
     can = {"sent": 0, "lost": 0, "interface": "off"}
     summary = summarise(scenario, recording, judgement, can=can, coupling="zero-delay", command_line="sidestep run <x>")
     return Run(scenario, recording, judgement, summary, folder)
+
+
+def stored(run, folder):
+    """What `sidestep compare` needs of a run's files."""
+    folder.mkdir()
+    write_columns(folder / "recording.csv", run.recording.samples, run.recording.units)
+    write_text(folder / "summary.json", strict_json(run.summary))
 
 
 @pytest.fixture(scope="module")

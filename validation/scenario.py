@@ -190,7 +190,7 @@ def read_scenario(name_or_path: str | Path, folder: Path = Path()) -> tuple[Path
 
 def parse_scenario(
     text: str, label: str, overrides: Sequence[str] = (), file: Path = Path("scenario.toml")
-) -> Scenario:  # fmt: skip
+) -> Scenario:
     """A scenario from the text of its file.
 
     Args:
@@ -208,6 +208,11 @@ def parse_scenario(
         raise InputError(label, f"no readable TOML file ({error})") from error
     for change in overrides:
         override(tables, change)
+    return scenario_from_tables(tables, label, file)
+
+
+def scenario_from_tables(tables: dict[str, Any], label: str, file: Path) -> Scenario:
+    """A scenario from the tables of its file, overrides included; see `parse_scenario`."""
     try:
         return _scenario(tables, file)
     except InputError as error:

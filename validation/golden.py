@@ -1,0 +1,118 @@
+"""Golden recordings: what a run has to stay close to, within a funnel in time and value."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+from sidestep.plant_models.errors import InputError
+from sidestep.validation.files import written_to
+from sidestep.validation.recording import SAMPLE_UNITS, Array, read_columns, write_columns
+
+TOLERANCES = {"l": 0.02, "yaw_rate": 0.01, "lateral_acceleration": 0.15, "steer_angle": 0.003}
+"""Half height of the funnel about each signal, in [m], [rad/s], [m/s^2], [rad]."""
+TIME_TOLERANCE = 0.03
+"""How much earlier or later a signal may do what it does, in [s]."""
+PERIOD = 0.01
+"""Of the samples that are compared, in [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Funnel:
+    """Bounds about a reference: its extremes within `TIME_TOLERANCE`, and a tolerance beyond.
+
+    Attributes:
+        time: Shape (n,), in [s].
+        low, high: Shape (n,), in the signal's unit.
+    """
+
+    time: Array
+    low: Array
+    high: Array
+
+    def excess(self, time: Array, values: Array) -> Array:
+        """How far a signal is outside, shape (n,); it counts as outside where it is not there any more."""
+        inside = np.interp(self.time, time, values, left=np.nan, right=np.nan)
+        beyond = np.maximum(np.maximum(inside - self.high, self.low - inside), 0.0)
+        return np.where(np.isnan(beyond), np.inf, beyond)
+
+
+@dataclass(frozen=True)
+class Departure:
+    """One signal beside its funnel.
+
+    Attributes:
+        signal: Column of the recording.
+        worst: Largest distance outside, in its unit; 0 if it stays within, infinite if it ends too early.
+        time: When that is, in [s].
+    """
+
+    signal: str
+    worst: float
+    time: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether the signal stays within its funnel."""
+        return self.worst == 0.0
+
+    def __str__(self) -> str:
+        if self.passed:
+            return f"{self.signal}: within its funnel"
+        how_far = "has ended" if np.isinf(self.worst) else f"is {self.worst:.3g} {SAMPLE_UNITS[self.signal]} outside"
+        return f"{self.signal}: {how_far} at {self.time:.2f} s"
+
+
+def funnel(time: Array, values: Array, tolerance: float) -> Funnel:
+    """The funnel about a signal.
+
+    Args:
+        time, values: Shape (n,).
+        tolerance: Half its height, in the signal's unit.
+    """
+    grid = np.arange(time[0], time[-1] + 1e-9, PERIOD)
+    reference, size = np.interp(grid, time, values), 2 * round(TIME_TOLERANCE / PERIOD) + 1
+    low = minimum_filter1d(reference, size, mode="nearest") - tolerance
+    high = maximum_filter1d(reference, size, mode="nearest") + tolerance
+    return Funnel(grid, low, high)
+
+
+def record(samples: Mapping[str, Array], file: Path) -> None:
+    """Keep a run as golden, every PERIOD; what was golden before is gone.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
+    time = samples["time"]
+    grid = np.arange(time[0], time[-1] + 1e-9, PERIOD)
+    columns = {"time": grid} | {name: np.interp(grid, time, samples[name]) for name in TOLERANCES}
+    with written_to(file.parent):
+        write_columns(file, {name: np.round(values, 6) for name, values in columns.items()}, SAMPLE_UNITS)
+
+
+def read_golden(file: Path) -> dict[str, Array]:
+    """Columns of a golden recording.
+
+    Raises:
+        InputError: No such file, or it lacks a signal.
+    """
+    try:
+        columns = read_columns(file)
+    except (OSError, ValueError, StopIteration) as error:
+        raise InputError(str(file), f"no golden recording ({error})", "a CSV by `sidestep golden record`") from error
+    if missing := [name for name in ("time", *TOLERANCES) if name not in columns]:
+        raise InputError(str(file), f"lacks {', '.join(missing)}", "a CSV by `sidestep golden record`")
+    return columns
+
+
+def check(samples: Mapping[str, Array], golden: Mapping[str, Array]) -> list[Departure]:
+    """Every signal of a run against its funnel."""
+    departures = []
+    for name, tolerance in TOLERANCES.items():
+        bounds = funnel(golden["time"], golden[name], tolerance)
+        excess = bounds.excess(samples["time"], samples[name])
+        worst = int(np.argmax(excess))
+        departures.append(Departure(name, float(excess[worst]), float(bounds.time[worst])))
+    return departures
