@@ -1,10 +1,12 @@
 """`sidestep can ...` in one process: database, monitor, logs, replay and faults; the two nodes over multicast."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
 from pathlib import Path
+from threading import Thread
 
 import can
 import cantools.database
@@ -228,22 +230,26 @@ def node(*arguments):
     return subprocess.Popen([sys.executable, "-m", "sidestep.validation", "can", *arguments])
 
 
-def test_interrupted_nodes_complete_their_logs_and_the_last_command_is_not_enabled(multicast_spec, tmp_path):  # noqa: F811
+def test_interrupted_nodes_complete_their_logs_and_the_last_command_is_not_enabled(
+    multicast_spec,  # noqa: F811
+    tmp_path,
+    monkeypatch,
+):
+    monkeypatch.setattr(report, "run_report", lambda run: "<!doctype html>")
     common = ["single-obstacle", "--can", multicast_spec]
-    ends = {
-        "c": node("drive", *common, "--out", str(tmp_path / "c")),
-        "p": node("plant", *common, "--plant", "linear", "--out", str(tmp_path / "p")),
-    }
-    with Bus(multicast_spec) as bus:
-        enabled = (message for message in iter(lambda: bus.receive(60.0), None) if _enabled(message))
-        assert next(enabled, None), "the controller never steered"
-        ends["c"].send_signal(signal.SIGTERM)
-        ends["p"].send_signal(signal.SIGINT)
-        assert [process.wait(60.0) for process in ends.values()] == [130, 130]
-    for name, mine in (("c", 0x101), ("p", 0x201)):
-        assert {file.name for file in (tmp_path / name).iterdir()} >= {"can.blf", "summary.json"}
-        frames = list(read_log(tmp_path / name / "can.blf"))
-        assert {mine, 0x101} <= {frame.arbitration_id for frame in frames}
+    with Bus(multicast_spec) as bus, node("drive", *common, "--out", str(tmp_path / "c")) as controller:
+
+        def interrupt_when_it_steers():
+            if any(map(_enabled, iter(lambda: bus.receive(60.0), None))):
+                controller.send_signal(signal.SIGTERM)
+                os.kill(os.getpid(), signal.SIGINT)
+
+        Thread(target=interrupt_when_it_steers).start()
+        assert main(["can", "plant", *common, "--plant", "linear", "--out", str(tmp_path / "p")]) == 130
+        assert controller.wait(60.0) == 130
+    for name, other in (("c", 0x201), ("p", 0x101)):
+        assert json.loads((tmp_path / name / "summary.json").read_text())["can"]["refused"] == 0
+        assert other in {frame.arbitration_id for frame in read_log(tmp_path / name / "can.blf")}
     logged = [frame for frame in read_log(tmp_path / "c" / "can.blf") if frame.arbitration_id == 0x101]
     assert any(map(_enabled, logged))
     assert not _enabled(logged[-1])

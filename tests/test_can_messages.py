@@ -328,6 +328,23 @@ def test_vehicle_state_that_is_not_finite_is_not_valid(field, bad):
     assert m.decode_vehicle_state(frames, 0.0) is None
 
 
+def test_heading_is_taken_as_it_comes_unless_another_is_near():
+    for yaw in (3.0, -3.0):
+        frames = m.encode_vehicle_state(VehicleState(yaw=yaw, v_x=15.0), 0.0, 0)
+        assert m.decode_vehicle_state(frames, 0.0).yaw == pytest.approx(yaw)
+
+
+def test_a_sample_is_three_messages():
+    with pytest.raises(ValueError, match="zip"):
+        m.encode_vehicle_state(VehicleState(), 0.0, 0, sample=m.VEHICLE_STATE[:2])
+    with pytest.raises(ValueError, match="zip"):
+        m.decode_vehicle_state([bytes(8)] * 2, 0.0)
+
+
+def test_only_more_than_8_bytes_need_can_fd():
+    assert [replace(m.STEER_CMD, length=length).is_fd for length in (7, 8, 9)] == [False, False, True]
+
+
 def test_status_round_trips():
     for state, e2e_state in itertools.product(m.ActuatorState, E2EState):
         status = m.SteerStatus(state, -0.12345, 0.5, e2e_state, 123)
