@@ -282,6 +282,12 @@ def test_no_rate_is_reported_where_there_is_no_time_between():
     assert bench.actuator.report.rate == 0.0
 
 
+def test_a_clock_that_goes_backwards_moves_nothing():
+    bench = driving()
+    assert bench.step(bench.frame(angle=0.21), dt=-0.005) is ACTIVE
+    assert bench.angle == pytest.approx(0.2)
+
+
 @pytest.mark.parametrize("protection", ["P05", "none"])
 def test_other_protections(protection):
     bench = driving(protection=protection)
