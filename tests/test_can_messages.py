@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from dataclasses import replace
+from dataclasses import FrozenInstanceError, fields, replace
 
 import cantools.database
 import e2e.crc
@@ -11,9 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sidestep.controller.can_port import messages as m
+from sidestep.controller.can_port.actuator import ActuatorConfig
 from sidestep.controller.can_port.database import load_dbc, messages
 from sidestep.controller.can_port.e2e import ACCEPTED, CheckStatus, Receiver
-from sidestep.controller.can_port.e2e_state import E2EState
+from sidestep.controller.can_port.e2e_state import E2EState, StateConfig
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
 
 MESSAGES = list(messages().values())
@@ -353,6 +354,16 @@ def test_status_round_trips():
         report = m.ControllerStatus(qp_status, status, mode, 0.000123, 0.0015, 17)
         got = m.decode_controller_status(m.encode_controller_status(report, 3))
         assert got == replace(report, solve_time=pytest.approx(0.000123), slack=pytest.approx(0.0015))
+
+
+@pytest.mark.parametrize("record", [
+    m.SteerStatus(m.ActuatorState.HOLD, 0.0, 0.0, E2EState.VALID, 0),
+    m.ControllerStatus(m.QpStatus.SOLVED, Status.TRACKING, m.SteerMode.ANGLE, 0.0, 0.0, 0),
+    m.STEER_CMD, m.STEER_CMD.profile, messages("P05")["STEER_CMD"].profile, ActuatorConfig(), StateConfig(4, 2, 1),
+], ids=lambda record: type(record).__name__)  # fmt: skip
+def test_records_do_not_change(record):
+    with pytest.raises(FrozenInstanceError):
+        setattr(record, fields(record)[0].name, None)
 
 
 def test_numbers_without_a_name_read_as_the_worst():
