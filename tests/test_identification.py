@@ -12,7 +12,7 @@ from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.linear_plant import LinearPlant
 from sidestep.plant_models.vehicle import VehicleParameters
 from sidestep.validation.identification import DRIVES, identify, ljung_box
-from sidestep.validation.manoeuvres import Manoeuvre, Ramp
+from sidestep.validation.manoeuvres import Manoeuvre, Ramp, RandomSteer
 from sidestep.validation.open_loop import Response, drive
 
 CAR = VehicleParameters.preset("bmw-320i")
@@ -23,7 +23,10 @@ NOISE = {"yaw_rate": 0.001, "lateral_acceleration": 0.025}
 
 @cache
 def clean() -> tuple[Response, ...]:
-    manoeuvres = [replace(m, duration=10.0, lateral_acceleration=3.0) for m in DRIVES[::2]]
+    manoeuvres = [
+        replace(m, duration=10.0, lateral_acceleration=3.0, shape=RandomSteer(0.1, 2.0, i))
+        for i, m in enumerate(DRIVES[::2])
+    ]
     return tuple(drive(LinearPlant(CAR), m, CAR, commands=10) for m in manoeuvres)
 
 

@@ -34,14 +34,16 @@ UNITS = ("N/rad", "N/rad", "kg m²")
 SIGNALS = ("yaw_rate", "lateral_acceleration")
 LARGEST_CORRELATION, LARGEST_DEVIATION = 0.98, 0.1
 """Beyond these, of two parameters and relative of one, the data identify nothing."""
+LEAST_EXPLAINED = 0.95
+"""Share of a signal's variance below which the car is another than the model: one that rolls much, say."""
 LAGS = 50
 ROUNDS = 2
 """Fits: the first weighted by the size of the signals, then by that of the residuals."""
 DRIVES = tuple(
-    Manoeuvre("identification", RandomSteer(0.1, 2.0, seed), speed, 2.0, 20.0)
+    Manoeuvre("identification", RandomSteer(0.1, 1.0, seed), speed, 2.0, 20.0)
     for seed, speed in enumerate((10.0, 15.0, 20.0, 25.0))
 )
-"""Steering that stays where the tyres are linear and excites yaw and sideslip at four speeds."""
+"""Steering that stays where the tyres are linear, below the resonance of roll, and excites yaw and sideslip."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +95,9 @@ class Identification:
         i, j = np.unravel_index(int(pairs.argmax()), pairs.shape)
         if pairs[i, j] > LARGEST_CORRELATION:
             return f"{PARAMETERS[i]} and {PARAMETERS[j]} cannot be told apart: correlation {self.correlation[i, j]:.3f}"
+        least = int(self.explained.argmin())
+        if self.explained[least] < LEAST_EXPLAINED:
+            return f"the model explains only {self.explained[least]:.0%} of {self.signals[least]}"
         worst = int(self.deviations.argmax())
         if self.deviations[worst] > LARGEST_DEVIATION:
             return f"{PARAMETERS[worst]} is known to no better than {self.deviations[worst]:.0%}"
