@@ -37,6 +37,8 @@ class ControllerConfig:
             cornering stiffness of the paper.
         friction: Road friction that the controller believes, as a factor on the tyre's peak.
         slip_share: Bound on front and rear slip angle, as a share of the angle at which the axle peaks.
+        validity: File of `sidestep validate` (validity.json): slip angles then also stay where lateral acceleration
+            is within its limits for this speed and friction; empty for none.
         estimate_friction: Lower the friction where the car's lateral acceleration speaks against it.
         reject_disturbance: Learn steering offset and axle forces that the model lacks.
         comfort_braking: Deceleration used where the distance allows it, in [m/s^2].
@@ -73,6 +75,7 @@ class ControllerConfig:
     tyre_model: str = "affine"
     friction: float = 1.0
     slip_share: float = 0.8
+    validity: str = ""
     estimate_friction: bool = False
     reject_disturbance: bool = True
     comfort_braking: float = 3.0
@@ -88,7 +91,7 @@ class ControllerConfig:
                     allowed = ", ".join(str(choice).lower() for choice in _CHOICES[f.name])
                     raise InputError(f"controller.{f.name}", f"{value!r}", allowed)
                 continue
-            if f.name == "cruise_speed" and value is None:
+            if (f.name == "cruise_speed" and value is None) or (f.name == "validity" and isinstance(value, str)):
                 continue
             if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
                 raise InputError(f"controller.{f.name}", f"{value!r} is not a finite number")

@@ -18,6 +18,7 @@ from sidestep.controller.plan import Plan
 from sidestep.controller.planner import FREE, PlannedPath, PlannerSettings
 from sidestep.controller.prediction import Prediction, advance
 from sidestep.controller.stopping import approach_speed
+from sidestep.controller.validity import Validity
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import ReferencePath
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
@@ -59,9 +60,11 @@ class SteeringController:
             [(o.s, o.l, o.length, o.width, o.heading, o.speed) for o in self.obstacles], dtype=np.float64
         ).reshape(-1, 6)
         c = self.config
+        self._validity = Validity.of(c)
         self._mpc: Mpc | PaperMpc
         if c.formulation == "paper":
-            self._mpc = PaperMpc(vehicle, c.weight_steer, c.max_lateral_acceleration)
+            valid = self._validity.by_speed(c.friction).min() if self._validity else math.inf
+            self._mpc = PaperMpc(vehicle, c.weight_steer, min(c.max_lateral_acceleration, float(valid)))
         else:
             self._mpc = _corridor_mpc(vehicle, c)
         self._settings = _planner_settings(vehicle, self.config)
@@ -112,6 +115,14 @@ class SteeringController:
             share * peak_slip(self._car.load_f, self._car),
             share * peak_slip(self._car.load_r, self._car),
         )
+
+    def _slip_bounds(self, v: float) -> tuple[float, float]:
+        """The slip limits, at this speed [m/s] within what the prediction is valid for."""
+        front, rear = self._slip_limits
+        if self._validity is None:
+            return front, rear
+        slip = self._validity.slip_at(v, self._car)
+        return min(front, slip[0]), min(rear, slip[1])
 
     @property
     def problem(self) -> Problem | None:
@@ -204,7 +215,7 @@ class SteeringController:
             return mpc.solve(x0, v, corridor.turn_rate, corridor.bounds, self.config.reference_offset)
         return mpc.solve(
             x0, v, corridor.offset, corridor.slope, corridor.turn_rate, corridor.bounds, before,
-            self._disturbance[1:], self._slip_limits, self._car,
+            self._disturbance[1:], self._slip_bounds(v), self._car,
         )  # fmt: skip
 
     def _plan_corridor(self, s: float, l: float, state: VehicleState, before: Prediction) -> Corridor:  # noqa: E741

@@ -1,0 +1,101 @@
+"""How far the prediction may be trusted: the largest lateral acceleration by speed and friction.
+
+`sidestep validate` writes it as validity.json: a table for each prediction model, measured against a plant.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from sidestep.controller.car_model import Car, axle_force, peak_slip
+from sidestep.controller.config import ControllerConfig
+from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.vehicle import GRAVITY
+
+Array = NDArray[np.float64]
+
+SLIP_ACCURACY = 1e-5
+"""Of the slip angle at which an axle makes a given force, in [rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Validity:
+    """Limits of one model.
+
+    Attributes:
+        speeds: Rising, shape (s,), in [m/s].
+        frictions: Rising, shape (f,).
+        limits: Lateral acceleration, shape (f, s), in [m/s^2].
+    """
+
+    speeds: Array
+    frictions: Array
+    limits: Array
+
+    @classmethod
+    def of(cls, config: ControllerConfig) -> "Validity | None":
+        """What a configuration names, for its own prediction model; None if it names nothing.
+
+        Raises:
+            InputError: As of `from_file`.
+        """
+        if not config.validity:
+            return None
+        return cls.from_file(config.validity, "euler" if config.formulation == "paper" else config.tyre_model)
+
+    @classmethod
+    def from_file(cls, path: str | Path, model: str) -> "Validity":
+        """Read the table of one model.
+
+        Args:
+            path: validity.json.
+            model: "affine", "linear" or "euler".
+
+        Raises:
+            InputError: The file cannot be read, or does not hold such a table.
+        """
+        try:
+            data = json.loads(Path(path).read_text(encoding="utf-8"))
+            speeds, frictions = (np.array(data[name], dtype=np.float64) for name in ("speed", "friction"))
+            limits = np.array(data["max_lateral_acceleration"][model], dtype=np.float64)
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise InputError(
+                "controller.validity", f"{str(path)!r}: {error}", "a file of `sidestep validate`"
+            ) from error
+        order = np.argsort(frictions)
+        usable = limits.shape == (len(frictions), len(speeds)) and limits.size > 0
+        if not usable or not np.isfinite(limits).all() or (limits < 0.0).any() or (np.diff(speeds) <= 0.0).any():
+            raise InputError("controller.validity", f"{str(path)!r}: no table of limits by friction and speed")
+        return cls(speeds, frictions[order], limits[order])
+
+    def by_speed(self, friction: float) -> Array:
+        """Limits at `speeds` on a road of this friction, in [m/s^2]; held beyond the table's ends."""
+        return np.array([np.interp(friction, self.frictions, column) for column in self.limits.T])
+
+    def slip_at(self, speed: float, car: Car) -> tuple[float, float]:
+        """Front and rear slip angle that make the acceleration valid at a speed [m/s], in [rad]."""
+        limit = float(np.interp(speed, self.speeds, self.by_speed(car.friction)))
+        share = limit / GRAVITY  # of the axle's load
+        return (
+            _slip_of(share * car.load_f, car.stiffness_f, car.load_f, car),
+            _slip_of(share * car.load_r, car.stiffness_r, car.load_r, car),
+        )
+
+
+@njit(cache=True, nogil=True)
+def _slip_of(force, stiffness, load, car):
+    """Smallest slip angle at which an axle makes a force, in [rad]; that of the peak if it never does."""
+    if not car.affine:
+        return force / stiffness
+    low, high = 0.0, peak_slip(load, car)
+    while high - low > SLIP_ACCURACY:
+        middle = 0.5 * (low + high)
+        if axle_force(middle, stiffness, load, car) < force:
+            low = middle
+        else:
+            high = middle
+    return high
