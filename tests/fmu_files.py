@@ -42,22 +42,22 @@ def description(fmi):
         return archive.read("modelDescription.xml").decode()
 
 
-def binary(fmi):
+def binary(fmi, identifier="single_track"):
     platform = fmpy.platform if fmi == 2 else fmpy.platform_tuple
-    return f"binaries/{platform}/single_track{fmpy.sharedLibraryExtension}"
+    return f"binaries/{platform}/{identifier}{fmpy.sharedLibraryExtension}"
 
 
-def patched(folder, fmi, old, new):
-    """Our FMU with one line of its C sources replaced and compiled again."""
-    sources = folder / "sources"
-    with zipfile.ZipFile(build_fmu(fmi=fmi)) as archive:
+def patched(folder, fmi, old, new, source=None, identifier="single_track"):
+    """An FMU of ours with one line of its C sources replaced and compiled again."""
+    sources, source = folder / "sources", source or build_fmu(fmi=fmi)
+    with zipfile.ZipFile(source) as archive:
         for name in archive.namelist():
             if name.startswith("sources/"):
                 archive.extract(name, folder)
     file = next(file for file in sources.glob("*.c") if old in file.read_text())
     file.write_text(file.read_text().replace(old, new))
     compile_library(sources, folder / "binary", QUICK)
-    return changed(build_fmu(fmi=fmi), folder / "patched.fmu", {binary(fmi): (folder / "binary").read_bytes()})
+    return changed(source, folder / "patched.fmu", {binary(fmi, identifier): (folder / "binary").read_bytes()})
 
 
 FOREIGN_MAP = """

@@ -8,8 +8,10 @@ from dataclasses import astuple, replace
 from pathlib import Path
 
 import pytest
+from fmu_files import patched
 
 from sidestep.controller import SteeringController
+from sidestep.fmu import findings
 from sidestep.fmu.controller_variables import STATE
 from sidestep.fmu.export import export_controller
 from sidestep.fmu.findings import check_fmu
@@ -33,8 +35,8 @@ def in_process(**settings):
 
 
 @contextmanager
-def running(fmi, **parameters):
-    fmu = FmuInstance(export(fmi))
+def running(fmi, file=None, **parameters):
+    fmu = FmuInstance(file or export(fmi))
     try:
         fmu.start(0.0, parameters)
         yield fmu
@@ -75,7 +77,8 @@ def driven():
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
-def test_nothing_is_found_in_it(fmi):
+def test_nothing_is_found_in_it(fmi, monkeypatch):
+    monkeypatch.setattr(findings, "call_isolated", lambda function, limit: function())
     assert check_fmu(export(fmi)) == []
 
 
@@ -160,6 +163,16 @@ def test_a_child_that_is_killed_is_fatal_at_once_and_leaves_no_zombie(driven):
         with pytest.raises(PlantError, match=r"status 4 \(fatal\); the controller's process was killed"):
             driver.step(driven[1][0])
         assert time.monotonic() - began < 2.0
+    assert children() == before
+
+
+def test_a_child_that_sleeps_for_ever_is_ended_after_the_limit(tmp_path, monkeypatch):
+    limits = "START_LIMIT = 300000, STEP_LIMIT = 30000"
+    hasty = patched(tmp_path, 3, limits, "START_LIMIT = 400, STEP_LIMIT = 400", export(3), "steering_controller")
+    monkeypatch.setenv("SIDESTEP_PYTHON", interpreter(tmp_path, "exec sleep 600"))
+    before = children()
+    with pytest.raises(PlantError, match=r"the controller's process hangs: it was ended"), running(3, hasty):
+        pass
     assert children() == before
 
 

@@ -10,7 +10,9 @@ from fmu_files import CAR, START, changed, description, slalom
 
 from sidestep.fmu.build import build_fmu
 from sidestep.fmu.fmu_plant import FmuPlant
+from sidestep.fmu.mapping import OUTPUTS, Mapping
 from sidestep.plant_models.check_plant import check_plant
+from sidestep.plant_models.linear_plant import LinearPlant
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle import VehicleParameters
@@ -145,3 +147,23 @@ def test_own_fmu_from_a_file_takes_the_vehicle():
         plant.reset(START)
         native.reset(START)
         np.testing.assert_array_equal(slalom(plant), slalom(native))
+
+
+def test_linear_fmu_equals_the_linear_plant():
+    with FmuPlant.native(CAR, model="linear") as fmu:
+        plant = LinearPlant(CAR)
+        start = replace(START, yaw_rate=0.0, v_y=0.0)
+        fmu.reset(start)
+        plant.reset(start)
+        np.testing.assert_allclose(slalom(fmu), slalom(plant), rtol=0, atol=1e-9)
+
+
+def test_rows_of_a_mapping_may_stand_in_any_order():
+    swapped = Mapping.from_text(
+        '[inputs]\ntarget_speed = "target_speed"\nsteer_angle = "steer_angle_command"\n[start]\n'
+        + "\n".join(f'{name} = "{name}_0"' for name in reversed(OUTPUTS))
+    )
+    with FmuPlant.from_file(build_fmu(), swapped) as mapped, FmuPlant.from_file(build_fmu()) as own:
+        mapped.reset(START)
+        own.reset(START)
+        np.testing.assert_array_equal(slalom(mapped, 10), slalom(own, 10))
