@@ -63,13 +63,17 @@ def lateral_interval(polygon, shift, start, end):
 
 
 @njit(cache=True, nogil=True)
-def corridor_bounds(stations, times, reach, polygons, speeds, sides, right_edge, left_edge):
+def corridor_bounds(stations, times, reach, buffer, direction, bend, polygons, speeds, sides, right_edge, left_edge):
     """Free lateral interval at stations, Eq. (13) without the half width and buffer.
 
     Args:
         stations: Centre of each query, shape (N,), in [m].
         times: When the car is there, from now, shape (N,), in [s].
         reach: The query covers stations -+ reach, shape (N,), in [m].
+        buffer: Added to obstacles at both ends, in [m].
+        direction, bend: Of the car's path there and its curvature, both against the road, shape (N,), in [rad] and
+            [1/m]: an obstacle that begins or ends within the reach bounds the car where it does, and that bound is
+            carried to the station along the path.
         polygons, speeds: Obstacles, shapes (M, 8, 2) and (M,), in [m] and [m/s].
         sides: +1 where the car passes on the obstacle's left, -1 on its right, 0 ignores it; shape (M,).
         right_edge, left_edge: Road edges as l, in [m].
@@ -82,22 +86,25 @@ def corridor_bounds(stations, times, reach, polygons, speeds, sides, right_edge,
     for m in range(polygons.shape[0]):
         if sides[m] == 0:
             continue
+        begin, end = polygons[m, :, 0].min() - buffer, polygons[m, :, 0].max() + buffer
         for k in range(stations.shape[0]):
-            low, high = lateral_interval(
-                polygons[m], speeds[m] * times[k], stations[k] - reach[k], stations[k] + reach[k]
-            )
-            if low > high:
+            shift = speeds[m] * times[k]
+            away = max(begin + shift - stations[k], 0.0) + min(end + shift - stations[k], 0.0)
+            if abs(away) > reach[k]:
                 continue
+            wide = reach[k] + buffer
+            low, high = lateral_interval(polygons[m], shift, stations[k] - wide, stations[k] + wide)
+            carried = (direction[k] + 0.5 * bend[k] * away) * away
             if sides[m] > 0:
-                right[k] = max(right[k], high)
+                right[k] = max(right[k], high - carried)
             else:
-                left[k] = min(left[k], low)
+                left[k] = min(left[k], low - carried)
     return right, left
 
 
 @njit(cache=True, nogil=True)
-def footprint_bounds(stations, times, reach, levers, clearance, turn, curvature, polygons, speeds, sides,
-                     right_edge, left_edge):  # fmt: skip
+def footprint_bounds(stations, times, reach, buffer, levers, clearance, direction, turn, curvature, polygons, speeds,
+                     sides, right_edge, left_edge):  # fmt: skip
     """Bounds on l + lever e_phi of the car's centre line at two ends of its footprint, Eq. (13).
 
     Where a box corner slides along the turning car between its ends it comes closer by up to
@@ -106,7 +113,7 @@ def footprint_bounds(stations, times, reach, levers, clearance, turn, curvature,
     Args:
         stations: Predicted stations of the car, relative, shape (N,), in [m].
         times: Of those, from now, shape (N,), in [s].
-        reach: Each query covers its station -+ reach, shape (N,), in [m].
+        reach, buffer, direction: See `corridor_bounds`.
         levers: Front end (positive) and rear end (negative) from the centre of gravity, in [m].
         clearance: Half width plus buffer, shape (N,), in [m].
         turn: Curvature of the predicted path gamma / v, shape (N,), in [1/m].
@@ -116,11 +123,12 @@ def footprint_bounds(stations, times, reach, levers, clearance, turn, curvature,
     Returns:
         right and left at the front, right and left at the rear, shape (4, N), in [m].
     """
-    bounds = np.empty((4, stations.shape[0]))
+    bounds, bend = np.empty((4, stations.shape[0])), turn - curvature
     for end in range(2):
         lever = levers[end]
         right, left = corridor_bounds(
-            stations + lever, times, reach, polygons, speeds, sides, right_edge, left_edge
+            stations + lever, times, reach, buffer, direction + lever * bend, bend, polygons, speeds, sides, right_edge,
+            left_edge,
         )  # fmt: skip
         for k in range(stations.shape[0]):
             inner = turn[k] * (levers[0] - levers[1]) ** 2 / 8.0

@@ -8,11 +8,13 @@ from numba import njit
 from numpy.typing import NDArray
 
 from sidestep.controller.corridor import footprint_bounds, obstacle_polygons, path_reference
-from sidestep.controller.planner import GAP_TOO_NARROW, PlannedPath, plan_path
+from sidestep.controller.planner import FREE, PlannedPath, plan_path
 from sidestep.plant_models.clothoid import curvature_at
 
 Array = NDArray[np.float64]
 
+SWEEP_TIME = 6.0
+"""How far ahead in time an oncoming obstacle keeps its lane from a car that has been held up, in [s]."""
 SLOPE_TIME = 0.3
 """Half the time over which the path's slope is averaged, in [s]."""
 
@@ -54,8 +56,34 @@ class Corridor(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
+def _plan(s, offset, speed, cruise, polygons, speeds, committed, held_up, settings):
+    """The path; a car that is held up stays out of the way of oncoming obstacles until they have passed.
+
+    The slower it gets the farther away it would meet them, which makes a passing possible on paper that its
+    own acceleration makes impossible again.
+    """
+    if not held_up:
+        path = plan_path(s, offset, speed, cruise, polygons, speeds, committed, settings)
+        if path[6] == FREE:
+            return path
+    if not (speeds < 0.0).any():
+        return plan_path(s, offset, speed, cruise, polygons, speeds, committed, settings)
+    swept, standing = polygons.copy(), np.maximum(speeds, 0.0)
+    for m in range(speeds.shape[0]):
+        if speeds[m] < 0.0:
+            middle = 0.5 * (polygons[m, 0, 0] + polygons[m, 4, 0])
+            for i in range(polygons.shape[1]):
+                if polygons[m, i, 0] < middle:
+                    swept[m, i, 0] += speeds[m] * SWEEP_TIME
+    path = plan_path(s, offset, speed, cruise, swept, standing, committed, settings)
+    if path[6] >= 0 and speeds[path[6]] < 0.0:  # it comes along the only way
+        return plan_path(s, offset, speed, cruise, polygons, speeds, committed, settings)
+    return path
+
+
+@njit(cache=True, nogil=True)
 def plan_corridor(
-    s, offset, speed, cruise, now, boxes, table, period, committed, settings, grid, times, states, age
+    s, offset, speed, cruise, now, boxes, table, period, committed, held_up, settings, grid, times, states, age
 ):  # fmt: skip
     """Search the path and bound the footprint along the prediction.
 
@@ -65,10 +93,11 @@ def plan_corridor(
         now: Time, in [s]; the boxes stand where they were at 0.
         boxes: See `corridor.obstacle_polygons`, but with absolute s, shape (M, 6).
         table, period: Of the ReferencePath.
-        committed: Passing sides kept from the step before, shape (M,).
+        committed: Passing sides decided before, shape (M,).
+        held_up: Whether the way was blocked in the step before.
         settings: PlannerSettings.
         grid: NodeGrid.
-        times, states, age: The last Prediction, whose yaw rate tells the curvature that the car will drive.
+        times, states, age: The last Prediction, which tells the direction and curvature that the car will drive.
 
     Returns:
         The fields of `Corridor`, those of PlannedPath as a tuple.
@@ -82,8 +111,10 @@ def plan_corridor(
         boxes[m, 0] = ahead
         road[m] = curvature_at(table, period, s + ahead)
     polygons, speeds = obstacle_polygons(boxes, road), boxes[:, 5].copy()
-    path = plan_path(s, offset, speed, cruise, polygons, speeds, committed, settings)
+    path = _plan(s, offset, speed, cruise, polygons, speeds, committed, held_up, settings)
     path_stations, path_offsets, _, _, sides, _, blocker, room = path
+    if blocker != FREE:  # stopping, not passing: no time to change sides, nor need to insist on one
+        sides[sides * committed < 0] = 0
 
     pace = max(speed, 0.0)
     stations = pace * grid.times
@@ -92,13 +123,14 @@ def plan_corridor(
         curvature[k] = curvature_at(table, period, s + stations[k])
     offsets, slope = path_reference(path_stations, path_offsets, stations, max(1.0, SLOPE_TIME * pace))
     bounds = footprint_bounds(
-        stations, grid.times, 0.5 * pace * grid.steps + settings.buffer, grid.levers, grid.clearance,
+        stations, grid.times, 0.5 * pace * grid.steps, settings.buffer, grid.levers, grid.clearance,
+        np.interp(grid.times, times - age, states[:, 1] + states[:, 2]),
         np.interp(grid.times, times - age, states[:, 3]) / max(speed, 1.0), curvature, polygons, speeds, sides,
         settings.right_edge, settings.left_edge,
     )  # fmt: skip
     gap, gap_speed = math.inf, 0.0
-    if blocker >= 0:
+    if blocker >= 0 and speeds[blocker] >= 0.0:
         gap, gap_speed = polygons[blocker, :, 0].min() - settings.front, speeds[blocker]
-    elif blocker == GAP_TOO_NARROW:
+    elif blocker != FREE:
         gap = room
     return path, offsets, slope, pace * curvature, bounds, gap, gap_speed

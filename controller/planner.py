@@ -20,6 +20,8 @@ LATERAL_STEP = 0.08
 FREE, GAP_TOO_NARROW = -1, -2
 NEAR_COST, BLOCKED_COST, COLLISION_COST = 1e2, 1e4, 1e6
 TIE = 1e-9
+APPROACH_SHARE = 0.03
+"""Share of cost (10) before the last obstacle on the reference: no use in returning to what must be left again."""
 
 
 class PlannerSettings(NamedTuple):
@@ -87,9 +89,8 @@ def node_costs(stations, times, offsets, speed, polygons, speeds, committed, p):
     Returns:
         Shape (S, L); entries >= BLOCKED_COST lie within half width and buffer of an obstacle.
     """
-    cost = np.empty((stations.shape[0], offsets.shape[0]))
-    for j in range(offsets.shape[0]):
-        cost[:, j] = p.weight_reference * (offsets[j] - p.reference) ** 2
+    cost = np.zeros((stations.shape[0], offsets.shape[0]))
+    left_again = 0  # the last layer in which the reference is blocked
     half_step = 0.5 * LATERAL_STEP
     hard = p.half_width + p.buffer
     soft = hard + p.tightening + p.margin_time * speed
@@ -107,6 +108,8 @@ def node_costs(stations, times, offsets, speed, polygons, speeds, committed, p):
             inside = low <= high
             if not inside:
                 low, high = low_all, high_all
+            elif max(low - p.reference, p.reference - high) < hard - half_step:
+                left_again = max(left_again, i)
             for j in range(offsets.shape[0]):
                 gap = max(low - offsets[j], offsets[j] - high, 0.0)
                 across = max(gap - soft, 0.0)
@@ -122,6 +125,10 @@ def node_costs(stations, times, offsets, speed, polygons, speeds, committed, p):
                         cost[i, j] += COLLISION_COST
                     if committed[m] * (offsets[j] - 0.5 * (low + high)) < 0.0:
                         cost[i, j] += p.hysteresis
+    for i in range(stations.shape[0]):
+        weight = p.weight_reference * (APPROACH_SHARE if i < left_again else 1.0)
+        for j in range(offsets.shape[0]):
+            cost[i, j] += weight * (offsets[j] - p.reference) ** 2
     return cost
 
 
@@ -248,11 +255,11 @@ def plan_path(station, offset, speed, cruise, polygons, speeds, committed, p):
     sides, blocker, blocked_from = _passing_sides(path_stations, path_times, path, polygons, speeds, p)
     path[max(blocked_from, 1) :] = path[max(blocked_from, 1) - 1]  # stay where it is free until then
     right, left = corridor_bounds(
-        path_stations, path_times, np.full(LAYERS + 1, p.reach), polygons, speeds, sides,
-        p.right_edge, p.left_edge,
+        path_stations, path_times, np.full(LAYERS + 1, p.reach), 0.0, np.zeros(LAYERS + 1), np.zeros(LAYERS + 1),
+        polygons, speeds, sides, p.right_edge, p.left_edge,
     )  # fmt: skip
     right, left = right + hard, left - hard
-    room = 0.0
+    room = path_stations[max(min(blocked_from, LAYERS) - 1, 0)]
     if blocker < 0:
         squeezed = right > left + 1e-6
         for i in range(1, LAYERS + 1):

@@ -22,7 +22,8 @@ from sidestep.controller.validity import Validity
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import ReferencePath
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
-from sidestep.plant_models.vehicle import VehicleParameters
+from sidestep.plant_models.speed_control import SPEED_GAIN
+from sidestep.plant_models.vehicle import GRAVITY, VehicleParameters
 
 Array = NDArray[np.float64]
 
@@ -36,11 +37,18 @@ PLANNER_REACH = 0.3
 """Stretch of road that the planner checks to both sides of a station, in lengths of the car."""
 SLOWING_SHARE = 0.5
 """Share of the buffer that a prediction may use up, beside the tightening, before the car slows down for it."""
+GRIP_SHARE, SWERVE_TIME, LEAST_BRAKING = 0.9, 0.6, 1.0
+"""Share of friction times gravity that braking and swerving share, how far ahead the swerve is looked at [s],
+and the braking that is always left [m/s^2]: the tyres give no more in both directions together."""
 CREEP_SPEED = 2.0
 """Speed left when the corridor cannot be held: standing still, the car would never come back into it, in [m/s]."""
 OBSERVED_SPEED = 3.0
 """Speed below which nothing is learned: sideslip is not defined well, in [m/s]."""
-_MEMORY = ("plan", "_good", "_command", "_heard", "_sent", "_station", "_cruise", "_sides", "_before", "_disturbance")
+TRUSTED_SLIP = 0.05
+"""Excess over the slip bound, in [rad], from which on a prediction is nothing to take tangents at: they would only
+lead deeper into it."""
+_MEMORY = ("plan", "_good", "_command", "_heard", "_sent", "_station", "_cruise", "_sides", "_held_up", "_before",
+           "_disturbance")  # fmt: skip
 STANDSTILL = 0.1
 """Speed below which the wheels are not turned, in [m/s]."""
 
@@ -70,6 +78,7 @@ class SteeringController:
         self._settings = _planner_settings(vehicle, self.config)
         self._grid = _node_grid(vehicle, self.config, self._mpc.times)
         self._node_times = np.concatenate([[0.0], self._mpc.times])
+        self._swerve_nodes = int(np.searchsorted(self._node_times, SWERVE_TIME))
         self.reset()
 
     def reset(self) -> None:
@@ -82,6 +91,7 @@ class SteeringController:
         self._station: float | None = None
         self._cruise = self.config.cruise_speed
         self._sides = np.zeros(len(self.obstacles), dtype=np.int64)
+        self._held_up = False
         self._before: tuple[float, Array] | None = None  # time and state of the last step
         self._disturbance = Disturbance()
         self._believe(self.config.friction)
@@ -159,12 +169,17 @@ class SteeringController:
             self._cruise = v
         s, x0 = self._locate(state)
         good = self._good
-        before = Prediction(good.states_time, good.states, state.time - good.time) if good else _lasting(x0)
+        if good and good.slack_slip < TRUSTED_SLIP:
+            before = Prediction(good.states_time, good.states, state.time - good.time)
+        else:
+            before = _lasting(x0)
         corridor = self._plan_corridor(s, x0[0], state, before)
         planned = time.perf_counter()
         solution = self._solve(x0, corridor, v, before)
         target, stop_distance = self._longitudinal(corridor, solution, v)
-        self._sides = corridor.path.sides
+        self._held_up = corridor.path.blocker != FREE
+        undecided = self._held_up & (corridor.path.sides == 0)
+        self._sides = np.where(undecided, self._sides, corridor.path.sides)
         if v < STANDSTILL:
             solution.states[1:, 5] = x0[5]
         plan = self._plan(state, s, corridor.path, solution, stop_distance, target, began, planned)
@@ -221,7 +236,7 @@ class SteeringController:
     def _plan_corridor(self, s: float, l: float, state: VehicleState, before: Prediction) -> Corridor:  # noqa: E741
         path, offset, slope, turn_rate, bounds, gap, gap_speed = plan_corridor(
             s, l, state.v_x, self._cruise or 0.0, state.time, self._boxes, self.path.table, self.path.period,
-            self._sides, self._settings, self._grid, *before,
+            self._sides, self._held_up, self._settings, self._grid, *before,
         )  # fmt: skip
         return Corridor(PlannedPath(*path), offset, slope, turn_rate, bounds, gap, gap_speed)
 
@@ -234,7 +249,15 @@ class SteeringController:
         if solution.slack_corridor > config.tightening + SLOWING_SHARE * config.buffer:  # not at this speed
             room = max(v * solution.time_to_excess - self.vehicle.front_extent, 0.0)
             target = min(target, max(approach_speed(room, 0.0, config.comfort_braking), CREEP_SPEED))
-        return target, max(distance, 0.0)
+        if self._command:  # slowing that comes and goes from step to step would only waste grip
+            target = min(target, max(self._command.target_speed, v) + config.comfort_braking * config.period)
+        return max(target, v - self._spare_braking(solution, v) / SPEED_GAIN), max(distance, 0.0)
+
+    def _spare_braking(self, solution: Solution, v: float) -> float:
+        """Deceleration that the tyres have left beside what the next moments of the swerve take, in [m/s^2]."""
+        ahead = np.abs(solution.states[: self._swerve_nodes, 3]).max()
+        grip = GRIP_SHARE * self._car.friction * GRAVITY
+        return math.sqrt(max(grip * grip - (v * float(ahead)) ** 2, LEAST_BRAKING**2))
 
     def _plan(self, state: VehicleState, s: float, path: PlannedPath, solution: Solution, stop_distance: float,
               target: float, began: float, planned: float) -> Plan:  # fmt: skip

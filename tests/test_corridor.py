@@ -50,18 +50,36 @@ def test_box_on_a_bend_is_its_cartesian_box():
 def test_bounds_are_the_nearest_faces_on_each_side():
     outlines = np.stack([polygon_of((10.0, 2.5, 4.0, 1.0, 0.0, 0.0)), polygon_of((11.0, -2.0, 4.0, 1.0, 0.0, 0.0))])
     stations, reach, times = np.array([5.0, 8.5, 11.0, 20.0]), np.full(4, 0.5), np.zeros(4)
-    right, left = corridor_bounds(stations, times, reach, outlines, np.zeros(2), np.array([-1, 1]), -4.0, 4.0)
+    ways = (stations, times, reach, 0.0, np.zeros(4), np.zeros(4), outlines, np.zeros(2))
+    right, left = corridor_bounds(*ways, np.array([-1, 1]), -4.0, 4.0)
     assert left == pytest.approx([4.0, 2.0, 2.0, 4.0])
     assert right == pytest.approx([-4.0, -1.5, -1.5, -4.0])
-    ignored, _ = corridor_bounds(stations, times, reach, outlines, np.zeros(2), np.array([-1, 0]), -4.0, 4.0)
+    ignored, _ = corridor_bounds(*ways, np.array([-1, 0]), -4.0, 4.0)
     assert ignored == pytest.approx(np.full(4, -4.0))
+
+
+def test_a_box_bounds_the_path_where_it_begins_and_ends():
+    """Between two stations the bound is that of the path through the box's corner, a parabola."""
+    outline = polygon_of((10.0, 2.5, 4.0, 1.0, 0.0, 0.0))[None]  # from 8 to 12 m, right face at 2 m
+    stations, direction, bend = np.array([6.0, 7.5, 10.0, 12.5]), np.full(4, 0.1), np.full(4, 0.02)
+
+    def left(buffer):
+        return corridor_bounds(stations, np.zeros(4), np.ones(4), buffer, direction, bend, outline, np.zeros(1),
+                               np.array([-1]), -4.0, 4.0)[1]  # fmt: skip
+
+    def carried(away):
+        return 2.0 - 0.1 * away - 0.01 * away**2
+
+    assert left(0.0) == pytest.approx([4.0, carried(0.5), 2.0, carried(-0.5)])
+    assert left(0.3) == pytest.approx([4.0, carried(0.2), 2.0, carried(-0.2)])
 
 
 def test_moving_box_is_where_it_is_at_the_time():
     outline = polygon_of((10.0, 2.5, 4.0, 1.0, 0.0, 5.0))[None]
     _, left = corridor_bounds(
-        np.array([10.0, 10.0]), np.array([0.0, 2.0]), np.zeros(2), outline, np.array([5.0]), np.array([-1]), -4.0, 4.0
-    )
+        np.array([10.0, 10.0]), np.array([0.0, 2.0]), np.zeros(2), 0.0, np.zeros(2), np.zeros(2), outline,
+        np.array([5.0]), np.array([-1]), -4.0, 4.0,
+    )  # fmt: skip
     assert left == pytest.approx([2.0, 4.0])
 
 
@@ -70,7 +88,8 @@ def test_footprint_bounds_hold_the_whole_side_of_a_turning_car():
     radius, front, rear, half = 40.0, 2.1, 2.4, 0.8
     turn = 1.0 / radius
     bounds = footprint_bounds(
-        np.zeros(1), np.zeros(1), np.zeros(1), (front, -rear), np.array([half]), np.array([turn]), np.zeros(1),
+        np.zeros(1), np.zeros(1), np.zeros(1), 0.0, (front, -rear), np.array([half]), np.zeros(1), np.array([turn]),
+        np.zeros(1),
         polygon_of((0.0, 3.0, 60.0, 2.0, 0.0, 0.0))[None], np.zeros(1), np.array([-1]), -9.0, 9.0,
     )  # fmt: skip
     chord = (front + rear) ** 2 / 8.0 / radius
@@ -81,8 +100,8 @@ def test_footprint_bounds_hold_the_whole_side_of_a_turning_car():
 def test_contradicting_bounds_close_to_one_line():
     outlines = np.stack([polygon_of((0.0, 1.0, 9.0, 1.0, 0.0, 0.0)), polygon_of((0.0, -1.0, 9.0, 1.0, 0.0, 0.0))])
     bounds = footprint_bounds(
-        np.zeros(1), np.zeros(1), np.zeros(1), (2.0, -2.0), np.array([0.9]), np.zeros(1), np.zeros(1),
-        outlines, np.zeros(2), np.array([-1, 1]), -4.0, 4.0,
+        np.zeros(1), np.zeros(1), np.zeros(1), 0.0, (2.0, -2.0), np.array([0.9]), np.zeros(1), np.zeros(1),
+        np.zeros(1), outlines, np.zeros(2), np.array([-1, 1]), -4.0, 4.0,
     )  # fmt: skip
     assert bounds[:, 0] == pytest.approx(np.zeros(4), abs=1e-12)
 

@@ -137,7 +137,7 @@ def test_friction_bound_stays_where_the_model_is_right():
 @pytest.mark.closed_loop
 def test_estimated_friction_reaches_the_prediction():
     slippery = controller((Obstacle(27.0, 0.0, 4.5, 1.8),), estimate_friction=True)
-    World(friction=0.35).drive(slippery, 5.0)
+    World(friction=0.25).drive(slippery, 5.0)
     assert slippery._car.friction < 0.6
     slippery.reset()
     assert slippery._car.friction == 1.0

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from sidestep.controller.corridor import obstacle_polygons
 from sidestep.controller.planner import (
+    APPROACH_SHARE,
     BLOCKED_COST,
     COLLISION_COST,
     FREE,
@@ -92,7 +93,7 @@ def test_node_costs_are_those_of_the_paper():
     assert cost[19, 6] > COLLISION_COST
     soft = HARD + SETTINGS.tightening + 0.15
     d = 2.5 - 1.0 - soft  # (12) beside the box: d_obs less what it was expanded by
-    assert cost[19, 11] == pytest.approx(2.5**2 + 3.0 * (1.0 - d) ** 2)
+    assert cost[19, 11] == pytest.approx(APPROACH_SHARE * 2.5**2 + 3.0 * (1.0 - d) ** 2)
     assert cost[19, np.abs(offsets) < 1.0 + HARD - LATERAL_STEP].min() >= BLOCKED_COST
 
 

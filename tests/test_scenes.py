@@ -60,15 +60,18 @@ def test_moving_boxes_drive_into_nothing(drawn):
                     assert signed_clearance(outlines[i], outlines[j]).min() > 0.0
 
 
-def flips(sides: list[int], time: list[float], speed: float = 10.0) -> int:
-    """For a box at s = 40 m, 4 m long, passed by a car at constant speed on a straight road."""
+def flips(sides: list[int], time: list[float], speed: float = 10.0, stands: tuple[float, float] = (0.0, 0.0)) -> int:
+    """For a box at s = 40 m, 4 m long, passed by a car at constant speed on a straight road.
+
+    Its speedometer stands still between two times: it comes no nearer then.
+    """
     box = Obstacle(40.0, 0.0, 4.0, 2.0)
     scenario = replace(load_scenario("single-obstacle"), obstacles=(box,))
     plans = [
         straight_plan(VehicleState(time=t))._replace(time=t, sides=(side,)) for t, side in zip(time, sides, strict=True)
     ]
-    end = np.array([0.0, 100.0])
-    samples = {"time": end, "s": end * speed, "v_x": np.full(2, speed)}
+    sampled = np.array([0.0, stands[0], stands[0] + 1e-9, stands[1], stands[1] + 1e-9, 100.0])
+    samples = {"time": sampled, "s": sampled * speed, "v_x": speed * np.array([1.0, 1.0, 0.0, 0.0, 1.0, 1.0])}
     return count_flips(Recording(samples, {}, plans), scenario)
 
 
@@ -89,6 +92,13 @@ def test_blocked_is_no_side_but_does_not_hide_a_flip():
     committed = reached() - COMMITMENT_TIME + 0.01
     assert flips([1, 0, 1], [committed, committed + 0.1, committed + 0.2]) == 0
     assert flips([1, 0, -1], [committed, committed + 0.1, committed + 0.2]) == 1
+
+
+def test_a_box_that_is_not_approached_any_more_may_be_passed_on_either_side_later():
+    committed = reached() - COMMITMENT_TIME + 0.01
+    sides, time = [1, 1, -1], [committed, committed + 0.2, committed + 0.4]
+    assert flips(sides, time) == 1
+    assert flips(sides, time, stands=(committed + 0.1, committed + 0.3)) == 0
 
 
 def test_a_slow_car_comes_closer_to_the_commitment_in_its_own_time():

@@ -133,7 +133,8 @@ def _scenario(seed: int, plant: str, overrides: Sequence[str]) -> Scenario:
 def count_flips(recording: Recording, scenario: Scenario) -> int:
     """Changes from passing left to passing right or back, from COMMITMENT_TIME before each obstacle until it is passed.
 
-    Steps in which the obstacle blocks the way (side 0) count as neither.
+    A car that falls back behind a moving obstacle is free to decide anew when it comes near again. Steps in which
+    the obstacle blocks the way (side 0) count as neither.
     """
     if not recording.plans:
         return 0
@@ -146,8 +147,10 @@ def count_flips(recording: Recording, scenario: Scenario) -> int:
 
 
 def _flips(sides: np.ndarray, close: np.ndarray) -> int:
-    taken = sides[close & (sides != 0)]
-    return int(np.count_nonzero(np.diff(taken)))
+    approach = np.cumsum(np.diff(close, prepend=False))  # falling back behind an obstacle ends the commitment
+    taken = close & (sides != 0)
+    changed = (np.diff(sides[taken]) != 0) & (np.diff(approach[taken]) == 0)
+    return int(np.count_nonzero(changed))
 
 
 def _is_close(obstacle: Obstacle, time: np.ndarray, s: np.ndarray, v: np.ndarray, scenario: Scenario) -> np.ndarray:
