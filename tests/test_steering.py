@@ -226,7 +226,7 @@ def test_plan_tells_what_happened():
     assert len(plan.s) == len(plan.l) == len(plan.left) == len(plan.right)
     assert plan.solver_status == "PIQP_SOLVED"
     assert plan.primal_residual < 1e-8
-    assert plan.dual_residual < 1e-7
+    assert plan.dual_residual < 1e-6  # of gradients around 1e4
     assert plan.step_us >= plan.plan_us > 0.0
     assert plan.sides[0] in (-1, 1)
 
