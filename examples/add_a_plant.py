@@ -1,0 +1,40 @@
+"""A plant of your own under the same judge as ours: checked, driven through a built-in scene, rated against another.
+
+The plant is the kinematic bicycle of own_plant.py; at 15 m/s it is wrong, and the ratings say where.
+Run it: python examples/add_a_plant.py
+"""
+
+import numpy as np
+from own_plant import KinematicCar
+
+from sidestep.controller import SteeringController
+from sidestep.plant_models import check_plant
+from sidestep.plant_models.linear_plant import LinearPlant
+from sidestep.validation.cosimulation import cosimulate
+from sidestep.validation.judge import judge
+from sidestep.validation.rating import rate
+from sidestep.validation.recording import Recording
+from sidestep.validation.scenario import load_scenario
+
+
+def main() -> None:
+    scenario = load_scenario("double-obstacle")
+    print("check_plant:", check_plant(KinematicCar(scenario.vehicle), scenario.vehicle) or "no finding")
+
+    driven: list[Recording] = []
+    for plant in (LinearPlant(scenario.vehicle), KinematicCar(scenario.vehicle)):
+        controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
+        with plant:
+            driven.append(cosimulate(controller, plant, scenario))
+        judgement = judge(driven[-1], scenario)
+        print(f"{type(plant).__name__}: {judgement.label}, smallest clearance {judgement.min_clearance:.2f} m")
+
+    linear, own = driven
+    shared = np.arange(0.0, min(linear["time"][-1], own["time"][-1]), 0.01)
+    for signal in ("l", "yaw_rate", "v_y"):
+        rating = rate(*(np.interp(shared, run["time"], run[signal]) for run in (linear, own)))
+        print(f"{signal}: ISO/TS 18571 rating {rating.overall:.3f}, {rating.grade}")
+
+
+if __name__ == "__main__":
+    main()
