@@ -9,7 +9,7 @@ from pathlib import Path
 from sidestep.controller import ControllerConfig
 from sidestep.fmu.build import build_model
 from sidestep.fmu.controller_variables import NAMES, controller_model
-from sidestep.fmu.plants import find_model, vehicle_values
+from sidestep.fmu.plants import find_model, model_values
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import ReferencePath
 from sidestep.plant_models.signals import VehicleState
@@ -72,9 +72,10 @@ def start_plant(
         fmi: 2 or 3.
 
     Raises:
-        InputError: Unknown model or FMI version, or the cache cannot be written.
+        InputError: Unknown model or FMI version, a car without what the model needs, or no cache to write to.
         CompilerError: There is no C compiler, or it failed.
     """
-    values = vehicle_values(vehicle) | {f"{name}_0": value for name, value in asdict(start).items()}
-    values |= {"friction": friction, "steer_angle_command": start.steer_angle, "target_speed": start.v_x}
-    return build_model(find_model(kind).with_start(values), fmi)
+    model = find_model(kind)
+    values = model_values(model, vehicle, friction) | {f"{name}_0": value for name, value in asdict(start).items()}
+    values |= {"steer_angle_command": start.steer_angle, "target_speed": start.v_x}
+    return build_model(model.with_start(values), fmi)

@@ -9,7 +9,7 @@ from sidestep.fmu.build import build_fmu
 from sidestep.fmu.estimation import Estimator, unwrapped
 from sidestep.fmu.instance import FmuInstance
 from sidestep.fmu.mapping import INPUTS, OUTPUTS, Mapping
-from sidestep.fmu.plants import find_model, vehicle_values
+from sidestep.fmu.plants import find_model, model_values, vehicle_values
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.speed_control import limited_acceleration
@@ -85,11 +85,7 @@ class FmuPlant:
             InputError: No such model, FMI version or parameter, or the car lacks what the model needs.
             CompilerError: The FMU is not built yet and there is no C compiler.
         """
-        values = vehicle_values(vehicle) | {"friction": friction}
-        known = {row.name for row in find_model(model).variables}
-        if "roll_inertia" in known - values.keys():
-            raise InputError("vehicle.suspension", f"{vehicle.name} has none; {model} needs it", "[suspension]")
-        values = {name: value for name, value in values.items() if name in known} | parameters
+        values = model_values(find_model(model), vehicle, friction) | parameters
         return cls(build_fmu(model, fmi), Mapping(parameters=values))
 
     @classmethod

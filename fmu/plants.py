@@ -87,6 +87,19 @@ def vehicle_values(vehicle: VehicleParameters) -> dict[str, float]:
     return values | (_suspension_values(vehicle.suspension) if vehicle.suspension else {})
 
 
+def model_values(model: Model, vehicle: VehicleParameters, friction: float) -> dict[str, float]:
+    """Those of the car's and the road's numbers that are parameters of the model, in SI units.
+
+    Raises:
+        InputError: The car lacks suspension data that the model needs.
+    """
+    known = {row.name for row in model.variables}
+    values = vehicle_values(vehicle) | {"friction": friction}
+    if "roll_inertia" in known - values.keys():
+        raise InputError("vehicle.suspension", f"{vehicle.name} has none; {model.name} needs it", "[suspension]")
+    return {name: value for name, value in values.items() if name in known}
+
+
 def _suspension_values(car: SuspensionParameters) -> dict[str, float]:
     """Of an axle with springs at both wheels: half the track squared times both."""
     values = {name: getattr(car, name) for name, *_ in _SUSPENSION[:3]}

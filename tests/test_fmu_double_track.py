@@ -8,6 +8,7 @@ import pytest
 from fmu_files import CAR
 from scipy.integrate import solve_ivp
 
+from sidestep.fmu.export import start_plant
 from sidestep.fmu.fmu_plant import FmuPlant
 from sidestep.plant_models.check_plant import check_plant
 from sidestep.plant_models.errors import InputError
@@ -243,5 +244,6 @@ def test_braking_in_a_turn_ends_at_standstill_and_stays():
 
 def test_a_car_without_suspension_data_is_refused():
     bare = VehicleParameters.preset("bmw-320i", suspension=None)
-    with pytest.raises(InputError, match=r"vehicle\.suspension: bmw-320i has none; double-track needs it"):
-        plant_of(bare)
+    for build in (plant_of, lambda car: start_plant("double-track", car, VehicleState(v_x=15.0))):
+        with pytest.raises(InputError, match=r"vehicle\.suspension: bmw-320i has none; double-track needs it"):
+            build(bare)

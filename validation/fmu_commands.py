@@ -64,6 +64,7 @@ def _build(options: argparse.Namespace) -> int:
 def _export(options: argparse.Namespace) -> int:
     from sidestep.fmu.build import copy_to
     from sidestep.fmu.export import export_controller, start_plant
+    from sidestep.fmu.plants import MODELS
     from sidestep.fmu.ssp import write_ssp
     from sidestep.validation.scenario import load_scenario
 
@@ -74,7 +75,7 @@ def _export(options: argparse.Namespace) -> int:
     )
     if options.ssp:
         out = options.out or Path(f"{scene.name}.ssp")
-        kind = "linear" if scene.plant.kind == "linear" else "single-track"
+        kind = scene.plant.kind if scene.plant.kind in MODELS else "single-track"
         plant = start_plant(kind, scene.vehicle, scene.start, scene.plant.friction, fmi)
         print(write_ssp(out, scene.name, controller, plant, scene.duration, scene.controller.period))
     else:
