@@ -118,6 +118,7 @@ def bode(response: Response, reference: Response, plant: str) -> Figure:
             panel(axes, title, unit).set_xscale("log")
         ticks = (0.2, 0.5, 1.0, 2.0)
         coherence.set_xticks(ticks, [f"{f:g}" for f in ticks])
+        coherence.set_xticks([], minor=True)
         coherence.set_xlabel("frequency [Hz]")
         legend(gain)
     return figure

@@ -126,7 +126,7 @@ class Manoeuvre:
     @property
     def label(self) -> str:
         """Name, speed and amplitude, for tables."""
-        speed = f"{self.speed:g}" + (f" to {self.final_speed:g}" if self.final_speed else "")
+        speed = f"{self.speed:.3g}" + (f" to {self.final_speed:g}" if self.final_speed else "")
         amplitude = f", {self.lateral_acceleration:.3g} m/s²" if self.lateral_acceleration else ""
         return f"{self.name}, {speed} m/s{amplitude}"
 
