@@ -34,9 +34,10 @@ class Funnel:
 
     def excess(self, time: Array, values: Array) -> Array:
         """How far a signal is outside, shape (n,); it counts as outside where it is not there any more."""
-        inside = np.interp(self.time, time, values, left=np.nan, right=np.nan)
-        beyond = np.maximum(np.maximum(inside - self.high, self.low - inside), 0.0)
-        return np.where(np.isnan(beyond), np.inf, beyond)
+        values = np.interp(self.time, time, values)
+        beyond = np.maximum(np.maximum(values - self.high, self.low - values), 0.0)
+        gone = (self.time < time[0] - PERIOD / 2.0) | (self.time > time[-1] + PERIOD / 2.0)
+        return np.where(gone, np.inf, beyond)
 
 
 @dataclass(frozen=True)
