@@ -8,13 +8,15 @@ from numba import njit
 from numpy.typing import NDArray
 
 from sidestep.controller.corridor import footprint_bounds, obstacle_polygons, path_reference
-from sidestep.controller.planner import FREE, PlannedPath, plan_path
+from sidestep.controller.planner import FREE, LAYERS, PlannedPath, arrival_times, layer_spacing, plan_path
 from sidestep.plant_models.clothoid import curvature_at
 
 Array = NDArray[np.float64]
 
 SWEEP_TIME = 6.0
 """How far ahead in time an oncoming obstacle keeps its lane from a car that has been held up, in [s]."""
+VIEW_MARGIN = 10.0
+"""Beyond the lattice and behind the car, in [m], up to which obstacles are looked at."""
 SLOPE_TIME = 0.3
 """Half the time over which the path's slope is averaged, in [s]."""
 
@@ -53,6 +55,28 @@ class Corridor(NamedTuple):
     bounds: Array
     gap: float
     gap_speed: float
+
+
+@njit(cache=True, nogil=True)
+def _in_view(s, speed, cruise, now, boxes, period, settings):
+    """Which boxes can be met on the way, and these with s from the car on, at present."""
+    end = (LAYERS + 1) * layer_spacing(speed)
+    until = max(arrival_times(np.array([end]), speed, cruise, settings.acceleration)[0], SWEEP_TIME)
+    begin = -settings.rear - VIEW_MARGIN
+    near, ahead = np.empty(boxes.shape[0], np.int64), np.empty(boxes.shape[0])
+    count = 0
+    for m in range(boxes.shape[0]):
+        now_at = boxes[m, 0] + boxes[m, 5] * now - s
+        if period > 0.0:
+            now_at -= period * round(now_at / period)
+        reach, then_at = math.hypot(boxes[m, 2], boxes[m, 3]), now_at + boxes[m, 5] * until
+        if max(now_at, then_at) + reach > begin and min(now_at, then_at) - reach < end + settings.front + VIEW_MARGIN:
+            near[count], ahead[count] = m, now_at
+            count += 1
+    near = near[:count]
+    boxes = boxes[near]
+    boxes[:, 0] = ahead[:count]
+    return near, boxes
 
 
 @njit(cache=True, nogil=True)
@@ -102,19 +126,17 @@ def plan_corridor(
     Returns:
         The fields of `Corridor`, those of PlannedPath as a tuple.
     """
-    boxes = boxes.copy()
+    near, boxes = _in_view(s, speed, cruise, now, boxes, period, settings)
     road = np.empty(boxes.shape[0])
     for m in range(boxes.shape[0]):
-        ahead = boxes[m, 0] + boxes[m, 5] * now - s
-        if period > 0.0:
-            ahead -= period * round(ahead / period)
-        boxes[m, 0] = ahead
-        road[m] = curvature_at(table, period, s + ahead)
+        road[m] = curvature_at(table, period, s + boxes[m, 0])
     polygons, speeds = obstacle_polygons(boxes, road), boxes[:, 5].copy()
-    path = _plan(s, offset, speed, cruise, polygons, speeds, committed, held_up, settings)
-    path_stations, path_offsets, _, _, sides, _, blocker, room = path
+    path = _plan(s, offset, speed, cruise, polygons, speeds, committed[near], held_up, settings)
+    path_stations, path_offsets, right, left, sides, cost, blocker, room = path
     if blocker != FREE:  # stopping, not passing: no time to change sides, nor need to insist on one
-        sides[sides * committed < 0] = 0
+        sides[sides * committed[near] < 0] = 0
+    all_sides = np.zeros_like(committed)
+    all_sides[near] = sides
 
     pace = max(speed, 0.0)
     stations = pace * grid.times
@@ -133,4 +155,5 @@ def plan_corridor(
         gap, gap_speed = polygons[blocker, :, 0].min() - settings.front, speeds[blocker]
     elif blocker != FREE:
         gap = room
+    path = path_stations, path_offsets, right, left, all_sides, cost, blocker, room
     return path, offsets, slope, pace * curvature, bounds, gap, gap_speed

@@ -58,7 +58,8 @@ class PlannedPath(NamedTuple):
         stations: From the car on, relative to it, shape (S,), in [m].
         offsets: Planned l, shape (S,), in [m].
         right, left: Corridor (13) for the car's centre, shape (S,), in [m].
-        sides: Passing side of each obstacle, +1 left of it, -1 right, 0 if the path runs into it, shape (M,).
+        sides: Passing side of each obstacle, +1 left of it, -1 right, 0 if the path runs into it or it is out of
+            view, shape (M,).
         cost: Minimum of (9), summed.
         blocker: Index of the first obstacle in the way, or FREE or GAP_TOO_NARROW.
         room: Distance that the car can go before a gap that is too narrow, in [m].
@@ -184,6 +185,12 @@ def _better(value, node, least, other, home):
 
 
 @njit(cache=True, nogil=True)
+def layer_spacing(speed):
+    """Distance between layers at a speed in [m/s], in [m]."""
+    return max(MIN_SPACING, SPACING_TIME * round(max(speed, 1.0)))
+
+
+@njit(cache=True, nogil=True)
 def arrival_times(stations, speed, cruise, acceleration):
     """When a car that goes back to its cruising speed is at stations ahead, from now, in [s].
 
@@ -223,8 +230,7 @@ def plan_path(station, offset, speed, cruise, polygons, speeds, committed, p):
     Returns:
         The fields of `PlannedPath`.
     """
-    pace = max(speed, 1.0)
-    spacing = max(MIN_SPACING, SPACING_TIME * round(pace))
+    pace, spacing = max(speed, 1.0), layer_spacing(speed)
     first = (math.floor(station / spacing + 1.5)) * spacing - station
     stations = first + spacing * np.arange(LAYERS)
     hard = p.half_width + p.buffer
