@@ -70,7 +70,7 @@ class ControllerConfig:
     weight_acceleration: float = 0.07
     weight_jerk: float = 2e-3
     weight_rate: float = 0.5
-    corridor_penalty: float = 1000.0
+    corridor_penalty: float = 300.0
     slip_penalty: float = 300.0
     tyre_model: str = "affine"
     friction: float = 1.0

@@ -20,6 +20,9 @@ LATERAL_STEP = 0.08
 FREE, GAP_TOO_NARROW = -1, -2
 NEAR_COST, BLOCKED_COST, COLLISION_COST = 1e2, 1e4, 1e6
 TIE = 1e-9
+COMMITMENT_TIME, COMMITMENT = 2.5, 50.0
+"""Time to reach an obstacle, in [s], from which on changing its side costs this many times more: nothing but a
+blocked way is a reason then."""
 APPROACH_SHARE = 0.03
 """Share of cost (10) before the last obstacle on the reference: no use in returning to what must be left again."""
 
@@ -98,6 +101,8 @@ def node_costs(stations, times, offsets, speed, polygons, speeds, committed, p):
     for m in range(polygons.shape[0]):
         begin, end = polygons[m, :, 0].min(), polygons[m, :, 0].max()
         low_all, high_all = polygons[m, :, 1].min(), polygons[m, :, 1].max()
+        near = begin - p.front < COMMITMENT_TIME * (speed - speeds[m])
+        change = p.hysteresis * (COMMITMENT if near else 1.0)
         for i in range(stations.shape[0]):
             half_layer = 0.5 * (stations[min(i + 1, stations.shape[0] - 1)] - stations[max(i - 1, 0)]) * 0.5
             shift = speeds[m] * times[i]
@@ -125,7 +130,7 @@ def node_costs(stations, times, offsets, speed, polygons, speeds, committed, p):
                     if gap < p.half_width - half_step:
                         cost[i, j] += COLLISION_COST
                     if committed[m] * (offsets[j] - 0.5 * (low + high)) < 0.0:
-                        cost[i, j] += p.hysteresis
+                        cost[i, j] += change
     for i in range(stations.shape[0]):
         weight = p.weight_reference * (APPROACH_SHARE if i < left_again else 1.0)
         for j in range(offsets.shape[0]):
