@@ -38,6 +38,15 @@ def written_to(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
+def written_file(file: Path, where: str) -> Iterator[None]:
+    """Name the file, and the option or argument `where` that asks for it, when it cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(where, f"cannot write {str(file)!r} ({error.strerror})", "a writable file") from error
+
+
+@contextmanager
 def made(folder: Path) -> Iterator[None]:
     """Make a folder and see that it takes files; undone if what follows fails."""
     new = [path for path in (folder, *folder.parents) if not path.exists()]

@@ -86,7 +86,7 @@ def _export(options: argparse.Namespace) -> int:
 def _info(options: argparse.Namespace) -> int:
     from sidestep.fmu.archive import unpack
     from sidestep.fmu.proposal import describe, propose_mapping
-    from sidestep.validation.files import complete
+    from sidestep.validation.files import write_text, written_file
 
     fmu = unpack(options.file)
     try:
@@ -95,8 +95,8 @@ def _info(options: argparse.Namespace) -> int:
         shutil.rmtree(fmu.folder, ignore_errors=True)
     print(f"{text}\n\n{proposal}", end="")
     if options.map:
-        with complete(options.map) as stream:
-            stream.write(proposal)
+        with written_file(options.map, "--map"):
+            write_text(options.map, proposal)
     return 0
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.files import written_to
+from sidestep.validation.files import written_file
 from sidestep.validation.recording import SAMPLE_UNITS, Array, read_columns, write_columns
 
 TOLERANCES = {"l": 0.02, "yaw_rate": 0.01, "lateral_acceleration": 0.15, "steer_angle": 0.003}
@@ -89,7 +89,7 @@ def record(samples: Mapping[str, Array], file: Path) -> None:
     time = samples["time"]
     grid = np.arange(time[0], time[-1] + 1e-9, PERIOD)
     columns = {"time": grid} | {name: np.interp(grid, time, samples[name]) for name in TOLERANCES}
-    with written_to(file.parent):
+    with written_file(file, "FILE.csv"):
         write_columns(file, {name: np.round(values, 6) for name, values in columns.items()}, SAMPLE_UNITS)
 
 

@@ -1,5 +1,6 @@
 """`sidestep identify`: k_f, k_r and I_z of a plant, and the vehicle file that the controller then uses."""
 
+import errno
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +9,7 @@ from sidestep.controller.car_model import Car, axle_force
 from sidestep.plant_models.vehicle import VehicleParameters
 from sidestep.validation.console import progress_bar
 from sidestep.validation.envelope import open_loop_scenario
-from sidestep.validation.files import write_text, written_to
+from sidestep.validation.files import write_text, written_file
 from sidestep.validation.identification import DRIVES, PARAMETERS, SIGNALS, UNITS, Identification, identify
 from sidestep.validation.limits import new_table, show
 from sidestep.validation.open_loop import drive
@@ -36,8 +37,10 @@ def identify_plant(overrides: Sequence[str], out: Path, command_line: str) -> in
         InputError, PlantError: The plant cannot be used, or the file not be written.
     """
     scenario, responses = open_loop_scenario(overrides), []
-    with written_to(out.parent):
+    with written_file(out, "--out"):
         out.parent.mkdir(parents=True, exist_ok=True)
+        if out.is_dir():
+            raise IsADirectoryError(errno.EISDIR, "Is a directory")
     with open_plant(scenario) as plant, progress_bar(f"driving {scenario.plant.name}", len(DRIVES)) as progress:
         for done, manoeuvre in enumerate(DRIVES):
             progress(done)
@@ -48,7 +51,7 @@ def identify_plant(overrides: Sequence[str], out: Path, command_line: str) -> in
         show(f"not identified: {found.problem}; nothing is written")
         return 1
     vehicle = with_tyre(replace(found.vehicle(scenario.vehicle), name=out.stem))
-    with written_to(out.parent):
+    with written_file(out, "--out"):
         write_text(out, vehicle_toml(vehicle, f"Identified by: {command_line}\n{_summary(found)}"))
     show(f"vehicle file: {out}; use it by --set vehicle.file={out}")
     return 0

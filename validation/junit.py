@@ -5,8 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 
-from sidestep.plant_models.errors import InputError
-from sidestep.validation.files import write_text
+from sidestep.validation.files import write_text, written_file
 
 
 class JunitCase(NamedTuple):
@@ -34,10 +33,8 @@ def write_junit(file: Path, suite: str, cases: Sequence[JunitCase]) -> None:
             if text := _printable(getattr(case, kind)):
                 ElementTree.SubElement(element, kind, {"message": text})
     ElementTree.indent(top)
-    try:
+    with written_file(file, "--junit"):
         write_text(file, ElementTree.tostring(top, encoding="unicode", xml_declaration=True) + "\n")
-    except OSError as error:
-        raise InputError("--junit", f"cannot write {str(file)!r} ({error.strerror})", "a writable file") from error
 
 
 def _printable(text: str) -> str:
