@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from types import MappingProxyType
-from typing import Any, get_args, get_type_hints
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 
@@ -70,15 +70,19 @@ def _value(hint: Any, value: Any, where: str, partial: bool) -> Any:
     try:
         result = msgspec.convert(value, hint)
     except msgspec.ValidationError as error:
-        raise InputError(where, f"{value!r} cannot be used", _in_words(str(error))) from error
+        raise InputError(where, f"{value!r} cannot be used", _in_words(hint, str(error))) from error
     if isinstance(result, float) and not math.isfinite(result):
         raise InputError(where, f"{value}", "a finite number")
     return result
 
 
-def _in_words(message: str) -> str:
-    """What msgspec expected, in TOML's words."""
-    expected = re.sub(r"Expected `([^`]*)`", lambda kind: _WORDS.get(kind[1], kind[1]), message)
+def _in_words(hint: Any, message: str) -> str:
+    """What msgspec expected, in TOML's words, which have no null."""
+    if get_origin(hint) is Literal:
+        return ", ".join(get_args(hint))
+    expected = re.sub(
+        r"Expected `([^`]*)`", lambda kind: _WORDS.get(text := kind[1].removesuffix(" | null"), text), message
+    )
     return expected.partition(", got")[0]
 
 
