@@ -18,6 +18,10 @@ class InputError(SidestepError, ValueError):
         self.where, self.problem, self.allowed = where, problem, allowed
         super().__init__(f"{where}: {problem}" + (f"; allowed: {allowed}" if allowed else ""))
 
+    def __reduce__(self) -> tuple[type["InputError"], tuple[str, str, str]]:
+        """From its parts again, so that it passes from a worker process to the command."""
+        return type(self), (self.where, self.problem, self.allowed)
+
 
 class PlantError(SidestepError, RuntimeError):
     """A plant that cannot go on (solver blew up, FMU returned an error, process died)."""

@@ -1,5 +1,6 @@
 import json
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -170,6 +171,13 @@ def test_bad_input_is_one_line_and_leaves_nothing(arguments, words, tmp_path, ca
         (["run"], "SCENARIO"),
         (["run", "single-obstacle", "--colour", "red"], "--colour"),
         (["run", "single-obstacle", "--coupling", "loose"], "zero-delay"),
+        (["validate", "--jobs", "0"], "--jobs: '0' is no whole number > 0"),
+        (["campaign", "spec.toml", "--jobs", "-3"], "--jobs: '-3'"),
+        (["validate", "--checks", "--manoeuvre", "coast"], "not allowed with argument --checks"),
+        (["compare", "a", "b", "--least", "nan"], "--least: 'nan' is no number from 0 to 1"),
+        (["compare", "a", "b", "--least", "good"], "--least: 'good'"),
+        (["limits", "endurance", "--hours", "-1"], "--hours: '-1' is no number > 0"),
+        (["limits", "scenes", "--count", "0"], "--count: '0'"),
     ],
 )
 def test_bad_usage_is_one_line_too(arguments, words, capsys):
@@ -180,6 +188,28 @@ def test_bad_usage_is_one_line_too(arguments, words, capsys):
     assert error.count("\n") == 1
     assert error.startswith("sidestep: ")
     assert words in error
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["validate", "--plant", "linear", "--map", "a.toml"], "plant.map: "),
+        (["validate", "--plant", "mujoco", "--set", "sped=3"], "sped: unknown key"),  # before minutes of checks
+        (["identify", "--plant", "linear", "--out", "."], "--out: cannot write '.' (Is a directory)"),
+    ],
+)
+def test_validate_and_identify_refuse_bad_input_before_they_drive(arguments, words, capsys):
+    assert main(arguments) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.count("\n") == 1
+    assert words in shown.err
+
+
+def test_an_input_error_comes_whole_out_of_a_worker_process():
+    error = InputError("file.toml", "a: -1", "> 0")
+    again = pickle.loads(pickle.dumps(error))
+    assert (type(again), str(again), again.allowed) == (InputError, str(error), "> 0")
 
 
 def test_a_plant_that_cannot_be_built_is_one_line(monkeypatch, capsys, tmp_path):

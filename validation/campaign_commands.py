@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from sidestep.plant_models.errors import InputError
+from sidestep.validation.arguments import add_jobs
 
 
 def add_campaign(commands: argparse._SubParsersAction) -> None:
     """Add `campaign` to the commands of `sidestep`."""
     campaign = commands.add_parser("campaign", help="drive a scenario many times over ranges of its keys")
     campaign.add_argument("spec", type=Path, metavar="SPEC.toml", help="what varies: see docs/campaigns.md")
-    campaign.add_argument("--jobs", type=int, default=-1, metavar="J", help="processes; default: one per core")
+    add_jobs(campaign)
     campaign.add_argument("--dask", metavar="tcp://HOST:PORT", help="scheduler of a Dask cluster that does it instead")
     campaign.add_argument(
         "--out", type=Path, metavar="DIR", help="default: runs/<name>; what is there of it already is not run again"

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sidestep.plant_models.errors import InputError
+from sidestep.validation.arguments import whole_number
 
 if TYPE_CHECKING:
     from sidestep.controller.can_port.bus import Bus
@@ -42,8 +43,10 @@ def add_can(commands: argparse._SubParsersAction) -> None:
     _bus_options(replay)
     replay.set_defaults(command=_replay)
     faults = parts.add_parser("faults", help="seeded faults in virtual time: does anything unsafe pass?")
-    faults.add_argument("--count", type=_positive, default=500, metavar="N", help="cases (default: %(default)s)")
-    faults.add_argument("--corrupt", type=_positive, default=1_000_000, metavar="N", help="default: %(default)s frames")
+    faults.add_argument("--count", type=whole_number, default=500, metavar="N", help="cases (default: %(default)s)")
+    faults.add_argument(
+        "--corrupt", type=whole_number, default=1_000_000, metavar="N", help="default: %(default)s frames"
+    )
     faults.add_argument("--seed", type=int, default=0, help="of the first case (default: %(default)s)")
     faults.add_argument("--spec", type=Path, metavar="FAULTS.toml", help="one description instead of the cases")
     faults.set_defaults(command=_faults)
@@ -77,12 +80,6 @@ def _protection_options(parser: argparse.ArgumentParser) -> None:
         "--fd", dest="protection", action="store_const", const="P05", default="P02", help="CAN FD with E2E profile 5"
     )
     kinds.add_argument("--no-e2e", dest="protection", action="store_const", const="none", help="no protection")
-
-
-def _positive(text: str) -> int:
-    if not (text.isdecimal() and int(text) > 0):
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number > 0")
-    return int(text)
 
 
 def _shared_bus(options: argparse.Namespace) -> "Bus":

@@ -4,13 +4,15 @@ import argparse
 import time
 from pathlib import Path
 
+from sidestep.validation.arguments import share
+
 
 def add_compare(commands: argparse._SubParsersAction) -> None:
     """Add `compare` to the commands of `sidestep`."""
     compare = commands.add_parser("compare", help="overlay runs and rate each pair after ISO/TS 18571")
     compare.add_argument("runs", nargs="+", type=Path, metavar="RUN", help="folders that `sidestep run` wrote")
     compare.add_argument("--out", type=Path, metavar="DIR", help="default: runs/<time>-compare")
-    compare.add_argument("--least", type=float, metavar="RATING", help="overall rating, 0 to 1, that each has to reach")
+    compare.add_argument("--least", type=share, metavar="RATING", help="overall rating, 0 to 1, that each has to reach")
     compare.add_argument("--junit", type=Path, metavar="FILE", help="also write every rating as a test case")
     compare.set_defaults(command=_compare)
 

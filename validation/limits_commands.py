@@ -4,6 +4,8 @@ import argparse
 import time
 from pathlib import Path
 
+from sidestep.validation.arguments import add_jobs, positive_number, whole_number
+
 
 def add_limits(commands: argparse._SubParsersAction) -> None:
     """Add `limits` and what is below it to the commands of `sidestep`."""
@@ -30,15 +32,15 @@ def _add(below: argparse._SubParsersAction, name: str, text: str, plant: str | N
 
 def _add_moose(below: argparse._SubParsersAction) -> None:
     moose = _add(below, "moose", "ISO 3888-2: the highest clean entry speed, throttle off", None)
-    moose.add_argument("--jobs", type=int, default=-1, metavar="J", help="processes; default: one per core")
+    add_jobs(moose)
     moose.set_defaults(command=_moose)
 
 
 def _add_scenes(below: argparse._SubParsersAction) -> None:
     scenes = _add(below, "scenes", "random scenes against what physics allows", "single-track")
-    scenes.add_argument("--count", type=int, default=1000, metavar="N", help="scenes; default: %(default)s")
+    scenes.add_argument("--count", type=whole_number, default=1000, metavar="N", help="scenes; default: %(default)s")
     scenes.add_argument("--seed-from", type=int, default=0, metavar="K", help="first seed; default: %(default)s")
-    scenes.add_argument("--jobs", type=int, default=-1, metavar="J", help="processes; default: one per core")
+    add_jobs(scenes)
     scenes.set_defaults(command=_scenes)
 
 
@@ -54,7 +56,9 @@ def _add_delay(below: argparse._SubParsersAction) -> None:
 
 def _add_endurance(below: argparse._SubParsersAction) -> None:
     endurance = _add(below, "endurance", "a day of driving on a closed road among random obstacles", "single-track")
-    endurance.add_argument("--hours", type=float, default=24.0, metavar="H", help="simulated; default: %(default)s")
+    endurance.add_argument(
+        "--hours", type=positive_number, default=24.0, metavar="H", help="simulated; default: %(default)s"
+    )
     endurance.add_argument("--seed-from", type=int, default=0, metavar="K", help="first seed; default: %(default)s")
     endurance.set_defaults(command=_endurance)
 

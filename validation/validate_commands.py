@@ -5,17 +5,19 @@ import time
 from pathlib import Path
 
 from sidestep.plant_models.errors import InputError
+from sidestep.validation.arguments import add_jobs
 
 
 def add_validate(commands: argparse._SubParsersAction) -> None:
     """Add `validate` and `identify` to the commands of `sidestep`."""
     validate = commands.add_parser("validate", help="where the models stop predicting a plant, and what proves it")
     _add_plant(validate, "mujoco")
-    validate.add_argument("--manoeuvre", metavar="NAME", help="run this one only; see --manoeuvres")
-    validate.add_argument("--manoeuvres", action="store_true", help="list them")
-    validate.add_argument("--checks", action="store_true", help="only the MuJoCo car's own checks")
+    only = validate.add_mutually_exclusive_group()
+    only.add_argument("--manoeuvre", metavar="NAME", help="run this one only; see --manoeuvres")
+    only.add_argument("--manoeuvres", action="store_true", help="list them")
+    only.add_argument("--checks", action="store_true", help="only the MuJoCo car's own checks")
     validate.add_argument("--quick", action="store_true", help="fewer cells")
-    validate.add_argument("--jobs", type=int, default=-1, metavar="J", help="processes; default: one per core")
+    add_jobs(validate)
     validate.add_argument("--out", type=Path, metavar="DIR", help="default: runs/<time>-validate")
     validate.set_defaults(command=_validate)
     identify = commands.add_parser("identify", help="a plant's cornering stiffnesses and yaw inertia")
@@ -49,10 +51,14 @@ def _validate(options: argparse.Namespace) -> int:
         from sidestep.validation.manoeuvre_run import run_manoeuvre
 
         return run_manoeuvre(options.manoeuvre, overrides, out)
+    from sidestep.validation.envelope import open_loop_scenario
+    from sidestep.validation.plants import open_plant
     from sidestep.validation.validate import checks_of, evidence_of, write_figures
 
     if options.checks and options.plant != "mujoco":
         raise InputError("--plant", f"no checks for {options.plant!r}", "mujoco")
+    with open_plant(open_loop_scenario(overrides)):
+        pass  # a bad key, file or setting shows here, before checks that take minutes
     checks = checks_of(options.plant)
     if checks and options.out:
         write_figures(out)
