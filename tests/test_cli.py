@@ -178,6 +178,9 @@ def test_bad_input_is_one_line_and_leaves_nothing(arguments, words, tmp_path, ca
         (["compare", "a", "b", "--least", "good"], "--least: 'good'"),
         (["limits", "endurance", "--hours", "-1"], "--hours: '-1' is no number > 0"),
         (["limits", "scenes", "--count", "0"], "--count: '0'"),
+        (["limits", "scenes", "--seed-from", "-5"], "--seed-from: '-5' is no whole number >= 0"),
+        (["can", "faults", "--seed", "-1"], "--seed: '-1'"),
+        (["can", "monitor", "--duration", "-1"], "--duration: '-1' is no number > 0"),
     ],
 )
 def test_bad_usage_is_one_line_too(arguments, words, capsys):

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.arguments import whole_number
+from sidestep.validation.arguments import positive_number, seed, whole_number
 
 if TYPE_CHECKING:
     from sidestep.controller.can_port.bus import Bus
@@ -32,7 +32,7 @@ def add_can(commands: argparse._SubParsersAction) -> None:
     monitor = parts.add_parser("monitor", help="decoded signals with their E2E state, live")
     _bus_options(monitor)
     monitor.add_argument("--once", action="store_true", help="one table after a second")
-    monitor.add_argument("--duration", type=float, metavar="S", help="end after so many seconds")
+    monitor.add_argument("--duration", type=positive_number, metavar="S", help="end after so many seconds")
     monitor.add_argument("--candump", metavar="FILE", help="write what candump -L would; - for the terminal")
     monitor.add_argument("--log", type=Path, metavar="FILE", help="log to .blf, .asc, .log or .csv")
     monitor.set_defaults(command=_monitor)
@@ -47,7 +47,7 @@ def add_can(commands: argparse._SubParsersAction) -> None:
     faults.add_argument(
         "--corrupt", type=whole_number, default=1_000_000, metavar="N", help="default: %(default)s frames"
     )
-    faults.add_argument("--seed", type=int, default=0, help="of the first case (default: %(default)s)")
+    faults.add_argument("--seed", type=seed, default=0, help="of the first case (default: %(default)s)")
     faults.add_argument("--spec", type=Path, metavar="FAULTS.toml", help="one description instead of the cases")
     faults.set_defaults(command=_faults)
     dbc = parts.add_parser("dbc", help="the message database, to stdout")

@@ -4,7 +4,7 @@ import argparse
 import time
 from pathlib import Path
 
-from sidestep.validation.arguments import add_jobs, positive_number, whole_number
+from sidestep.validation.arguments import add_jobs, positive_number, seed, whole_number
 
 
 def add_limits(commands: argparse._SubParsersAction) -> None:
@@ -39,7 +39,7 @@ def _add_moose(below: argparse._SubParsersAction) -> None:
 def _add_scenes(below: argparse._SubParsersAction) -> None:
     scenes = _add(below, "scenes", "random scenes against what physics allows", "single-track")
     scenes.add_argument("--count", type=whole_number, default=1000, metavar="N", help="scenes; default: %(default)s")
-    scenes.add_argument("--seed-from", type=int, default=0, metavar="K", help="first seed; default: %(default)s")
+    scenes.add_argument("--seed-from", type=seed, default=0, metavar="K", help="first seed; default: %(default)s")
     add_jobs(scenes)
     scenes.set_defaults(command=_scenes)
 
@@ -59,7 +59,7 @@ def _add_endurance(below: argparse._SubParsersAction) -> None:
     endurance.add_argument(
         "--hours", type=positive_number, default=24.0, metavar="H", help="simulated; default: %(default)s"
     )
-    endurance.add_argument("--seed-from", type=int, default=0, metavar="K", help="first seed; default: %(default)s")
+    endurance.add_argument("--seed-from", type=seed, default=0, metavar="K", help="first seed; default: %(default)s")
     endurance.set_defaults(command=_endurance)
 
 
