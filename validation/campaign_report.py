@@ -46,9 +46,10 @@ def summarised(campaign: Campaign, rows: Sequence[Row]) -> dict[str, Any]:
 def sentence(summary: dict[str, Any]) -> str:
     """The verdict in words: never "safe", but how many runs and what that bounds."""
     bar = summary["failure_rate_allowed"]
+    bound = float(f"{100.0 * summary['failure_rate_upper_bound_95']:.2g}")  # 100, not 1e+02
     words = (
         f"{summary['verdict'].upper()}: {summary['n']} runs, {summary['failures']} failures, failure rate at most "
-        f"{100.0 * summary['failure_rate_upper_bound_95']:.2g} % with {100.0 * CONFIDENCE:.0f} % confidence"
+        f"{bound:g} % with {100.0 * CONFIDENCE:.0f} % confidence"
     )
     words += "" if bar is None else f" (allowed: {100.0 * bar:.2g} %)"
     if summary["worst_row"] is not None:
