@@ -31,8 +31,10 @@ def _add_export(commands: argparse._SubParsersAction) -> None:
     export.add_argument("--fmi", type=int, default=3, choices=(2, 3), help="default: %(default)s")
     export.add_argument("--out", type=Path, metavar="FILE", help="default: SCENARIO-controller.fmu, or SCENARIO.ssp")
     export.add_argument(
-        "--ssp", action="store_true", help="a system (.ssp) of controller and plant instead, in FMI 2.0"
-    )
+        "--ssp", action="store_true",
+        help="a system (.ssp) of controller and plant instead, in FMI 2.0; single-track where the scenario's plant is "
+        "no model of `build`",
+    )  # fmt: skip
     export.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
         help="replace a key of the scenario file, such as controller.input_delay_steps=1; may be repeated",
