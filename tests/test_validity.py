@@ -56,7 +56,7 @@ def test_what_the_tyres_never_reach_is_the_peak(file):
 
 
 def test_the_plan_keeps_the_slip_angle_of_that_acceleration(file):
-    path, box, largest = ReferencePath.from_segments([Line(200.0)]), Obstacle(32.0, -0.8, 4.5, 1.8), []
+    path, box, largest = ReferencePath.from_segments([Line(200.0)]), Obstacle(31.0, -0.6, 4.5, 1.8), []
     for validity in ("", file):
         controller = SteeringController(CAR, path, [box], ControllerConfig(cruise_speed=20.0, validity=validity))
         controller.step(VehicleState(v_x=20.0))
