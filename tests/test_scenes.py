@@ -153,7 +153,9 @@ def test_the_command_writes_what_it_shows(tmp_path: Path, capsys):
 
 
 def test_no_scene_is_bad_usage(tmp_path: Path, capsys):
-    assert main(["limits", "scenes", "--count", "0", "--out", str(tmp_path / "x")]) == 2
+    with pytest.raises(SystemExit) as stopped:
+        main(["limits", "scenes", "--count", "0", "--out", str(tmp_path / "x")])
+    assert stopped.value.code == 2
     assert "--count" in capsys.readouterr().err
     assert not (tmp_path / "x").exists()
 
