@@ -138,14 +138,24 @@ def _c_files(files: dict[str, bytes]) -> list[str]:
 def _contents(model: Model, fmi: int) -> dict[str, bytes]:
     """All files of the FMU but binaries and what they answer, by path in the archive."""
     sources = source_files(model)
-    page = (_FOLDER / "resources" / f"{model.identifier}.html").read_text(encoding="utf-8")
     files = {"modelDescription.xml": model_description(model, fmi, _token(model), _c_files(sources))}
     files |= {f"sources/{name}": data for name, data in sources.items()}
-    files["documentation/index.html"] = string.Template(page).substitute(variables=variable_rows(model)).encode()
+    files["documentation/index.html"] = _documentation(model).encode()
     icon = draw_icon(model.identifier)
     if fmi == 2:
         return files | {"model.png": icon}
     return files | {"terminalsAndIcons/icon.png": icon, "terminalsAndIcons/terminalsAndIcons.xml": _ICON_PLACE}
+
+
+def _documentation(model: Model) -> str:
+    """The page about the model: its own text, what all cars share, and the table of variables."""
+
+    def text(name: str, **parts: str) -> str:
+        template = (_FOLDER / "resources" / f"{name}.html").read_text(encoding="utf-8")
+        return string.Template(template).substitute(parts)
+
+    body = text(model.identifier, actuator=text("actuator"), numbers=text("numbers"))
+    return text("page", title=model.name, body=body, variables=variable_rows(model))
 
 
 def _archive(files: dict[str, bytes]) -> bytes:

@@ -3,19 +3,11 @@
 from collections.abc import Iterator
 
 from sidestep.controller import ControllerConfig
-from sidestep.fmu.variables import Model, Variable
+from sidestep.fmu.variables import MOTION, Model, Variable
 
 IDENTIFIER = "steering_controller"
 
-STATE = (
-    ("x", "m", "Position of the reference point in the world"),
-    ("y", "m", "Position of the reference point in the world, left of x"),
-    ("yaw", "rad", "Heading, positive to the left, not wrapped"),
-    ("v_x", "m/s", "Forward velocity of the reference point"),
-    ("v_y", "m/s", "Velocity of the reference point to the left"),
-    ("yaw_rate", "rad/s", "Yaw rate, positive to the left"),
-    ("steer_angle", "rad", "Realised road-wheel angle"),
-)
+STATE = (*MOTION, ("steer_angle", "rad", "Realised road-wheel angle"))
 """Inputs: VehicleState but its time, in its order."""
 
 OUTPUTS = (

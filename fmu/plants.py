@@ -2,20 +2,12 @@
 
 from collections.abc import Iterator
 
-from sidestep.fmu.variables import Model, Variable
+from sidestep.fmu.variables import MOTION, Model, Variable
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.speed_control import SPEED_GAIN
 from sidestep.plant_models.vehicle import SuspensionParameters, VehicleParameters
 
 # name, unit, description
-_MOTION = (
-    ("x", "m", "Position of the reference point in the world"),
-    ("y", "m", "Position of the reference point in the world, left of x"),
-    ("yaw", "rad", "Heading, positive to the left, not wrapped"),
-    ("v_x", "m/s", "Forward velocity of the reference point"),
-    ("v_y", "m/s", "Velocity of the reference point to the left"),
-    ("yaw_rate", "rad/s", "Yaw rate, positive to the left"),
-)
 _ROLL = (
     ("roll", "rad", "Roll angle, positive to the right, as in a turn to the left"),
     ("roll_rate", "rad/s", "Roll rate, positive to the right"),
@@ -150,14 +142,14 @@ def _settings(model: str) -> Iterator[Variable]:
     yield Variable("speed_gain", "tunable", "1/s", "Gain of the speed control", SPEED_GAIN, 0.0)
     step = INTERNAL_STEP[model]
     yield Variable("internal_step", "fixed", "s", "Largest step of the Runge-Kutta integration", step, 1e-6)
-    for name, unit, _ in (*_MOTION, _STEERING):
+    for name, unit, _ in (*MOTION, _STEERING):
         yield Variable(f"{name}_0", "fixed", unit, f"Start value of {name}", 15.0 if name == "v_x" else 0.0)
 
 
 def _on_tyres(
     model: str, roll: tuple[tuple[str, str, str], ...], places: tuple[str, ...], *further: Variable
 ) -> Iterator[Variable]:
-    yield from _motion((*_MOTION, *roll), _slip(places))
+    yield from _motion((*MOTION, *roll), _slip(places))
     yield from _slip_angles(places)
     yield from further
     yield from _parameters((*_VEHICLE, _CG_HEIGHT, *(_SUSPENSION if roll else ())))
@@ -167,7 +159,7 @@ def _on_tyres(
 
 
 def _linear() -> Iterator[Variable]:
-    yield from _motion(_MOTION, ())
+    yield from _motion(MOTION, ())
     yield from _parameters((*_VEHICLE, *_STIFFNESS))
     yield from _settings("linear")
 

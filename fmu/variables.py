@@ -24,6 +24,16 @@ ATTRIBUTES: dict[Kind, tuple[str, str, str | None]] = {
 }
 """FMI causality, variability and initial of each kind."""
 
+MOTION = (
+    ("x", "m", "Position of the reference point in the world"),
+    ("y", "m", "Position of the reference point in the world, left of x"),
+    ("yaw", "rad", "Heading, positive to the left, not wrapped"),
+    ("v_x", "m/s", "Forward velocity of the reference point"),
+    ("v_y", "m/s", "Velocity of the reference point to the left"),
+    ("yaw_rate", "rad/s", "Yaw rate, positive to the left"),
+)
+"""Name, unit and description of what plants give and the controller takes, in VehicleState's order."""
+
 
 @dataclass(frozen=True)
 class Variable:

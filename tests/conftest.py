@@ -3,6 +3,7 @@
 import os
 
 import pytest
+from fmu_files import foreign_fmu
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -16,3 +17,9 @@ def fmu_cache(tmp_path_factory):
                 (folder / name).symlink_to(f"{theirs}/{name}")
         patch.setenv("XDG_CACHE_HOME", str(folder))
         yield folder
+
+
+@pytest.fixture(scope="session")
+def foreign(tmp_path_factory):
+    """An FMU by somebody else, and its mapping file."""
+    return foreign_fmu(tmp_path_factory.mktemp("foreign"))

@@ -1,13 +1,16 @@
 """FMUs for tests: our own, changed in one place, and one by somebody else."""
 
 import math
+import shutil
 import zipfile
+from contextlib import contextmanager
 from dataclasses import astuple
 from pathlib import Path
 
 import fmpy
 import numpy as np
 
+from sidestep.fmu.archive import unpack
 from sidestep.fmu.build import build_fmu, source_files
 from sidestep.fmu.plants import MODELS
 from sidestep.fmu.platforms import compile_library
@@ -23,6 +26,15 @@ START = VehicleState(time=1.0, x=2.0, y=3.0, yaw=0.4, v_x=15.0, v_y=0.1, yaw_rat
 def slalom(plant, steps=100, dt=0.02):
     rows = [plant.step(SteeringCommand(0.0, 0.1 * math.sin(0.1 * k), 12.0), dt) for k in range(steps)]
     return np.array([astuple(row) for row in rows])
+
+
+@contextmanager
+def unpacked(file):
+    fmu = unpack(file)
+    try:
+        yield fmu
+    finally:
+        shutil.rmtree(fmu.folder)
 
 
 def changed(source, target, changes):

@@ -178,10 +178,15 @@ def test_a_bad_bus_leaves_no_log_behind(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_closing_twice_does_no_harm():
-    port = SteeringPort("auto")
+def test_closing_twice_does_no_harm(tmp_path):
+    port = SteeringPort("auto", log=tmp_path / "can.blf")
+    port.transmit(slalom(1)[0])
     port.close()
+    written = (tmp_path / "can.blf").read_bytes()
     port.close()
+    assert (tmp_path / "can.blf").read_bytes() == written
+    with can.LogReader(tmp_path / "can.blf") as log:
+        assert len(list(log)) == 1
 
 
 @pytest.mark.parametrize("protection", ["P05", "none"])

@@ -1,11 +1,9 @@
 """`sidestep fmu info` and `sidestep fmu check`: what is in an FMU, a mapping proposed for it, what is wrong with it."""
 
-import shutil
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from fmu_files import FOREIGN_MAP, changed, description, foreign_fmu, patched
+from fmu_files import FOREIGN_MAP, changed, description, patched, unpacked
 
 from sidestep.fmu import findings
 from sidestep.fmu.archive import unpack
@@ -15,20 +13,6 @@ from sidestep.fmu.mapping import Mapping
 from sidestep.fmu.plants import MODELS
 from sidestep.fmu.proposal import describe, propose_mapping
 from sidestep.plant_models.errors import InputError
-
-
-@contextmanager
-def unpacked(file):
-    fmu = unpack(file)
-    try:
-        yield fmu
-    finally:
-        shutil.rmtree(fmu.folder)
-
-
-@pytest.fixture(scope="module")
-def foreign(tmp_path_factory):
-    return foreign_fmu(tmp_path_factory.mktemp("foreign"))[0]
 
 
 @pytest.fixture
@@ -49,8 +33,8 @@ def with_description(source, target, *replacements):
 
 
 def test_proposed_mapping_is_the_one_that_drives(foreign):
-    with unpacked(foreign) as fmu:
-        text, proposal = describe(fmu), propose_mapping(fmu, foreign)
+    with unpacked(foreign[0]) as fmu:
+        text, proposal = describe(fmu), propose_mapping(fmu, foreign[0])
     assert "steps by multiples of 0.01 s only" in text
     assert "HandWheel" in text
     found, expected = Mapping.from_text(proposal), Mapping.from_text(FOREIGN_MAP)
@@ -124,7 +108,7 @@ def test_what_is_no_fmu_is_the_only_finding(tmp_path):
 
 def test_description_and_binary_that_do_not_agree(foreign, tmp_path, in_this_process):
     boast = [("<CoSimulation ", '<CoSimulation canGetAndSetFMUstate="true" '), ('start="0"/></Sc', "/></Sc")]
-    found = check_fmu(with_description(foreign, tmp_path / "lying.fmu", *boast))
+    found = check_fmu(with_description(foreign[0], tmp_path / "lying.fmu", *boast))
     assert ("sidestep", "it says canGetAndSetFMUstate, but its binary lacks fmi2GetFMUstate") in found
     assert any(who == "sidestep" and "fmi2ExitInitializationMode failed" in what for who, what in found)  # no mode set
     assert any(who == "fmpy" for who, _ in found)

@@ -6,7 +6,7 @@ from dataclasses import astuple, replace
 import numpy as np
 import pytest
 from fmu_files import CAR
-from scipy.integrate import solve_ivp
+from integration import integrate
 
 from sidestep.fmu.export import start_plant
 from sidestep.fmu.fmu_plant import FmuPlant
@@ -83,21 +83,6 @@ def rates(state, steer_command, target_speed, car, friction):
     ]  # fmt: skip
 
 
-def integrate(start, command, duration, car, friction, dt=0.02):
-    """solve_ivp over the equations above, started anew at every command."""
-    state = np.array([*astuple(start)[1:7], *np.zeros(6), start.steer_angle])
-    rows = [state]
-    for k in range(round(duration / dt)):
-        steer, speed = command(k * dt)
-        solution = solve_ivp(
-            lambda _, x, steer=steer, speed=speed: rates(x, steer, speed, car, friction),
-            (0.0, dt), state, method="DOP853", rtol=1e-9, atol=1e-11, max_step=dt / 2,
-        )  # fmt: skip
-        state = solution.y[:, -1]
-        rows.append(state)
-    return np.array(rows)
-
-
 @pytest.mark.parametrize(
     ("car", "friction", "start", "command"),
     [
@@ -107,7 +92,7 @@ def integrate(start, command, duration, car, friction, dt=0.02):
     ids=["slalom", "braking-slide-on-shifted-tyres"],
 )
 def test_fmu_equals_an_independent_integration(car, friction, start, command):
-    expected = integrate(start, command, 0.6, car, friction)
+    expected = integrate(lambda *now: rates(*now, car, friction), start, 6, command, 0.6)
     with plant_of(car, friction=friction, internal_step=0.001) as plant:
         found = drive(plant, start, command, 0.6)
         roll = read(plant, "roll")[0]

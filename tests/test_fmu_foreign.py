@@ -1,15 +1,12 @@
 """FMUs by somebody else: driven by a mapping file alone, estimated, isolated, checked."""
 
 import math
-import shutil
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from fmu_files import CAR, FOREIGN_MAP, QUICK, binary, changed, description, foreign_fmu, patched, slalom
+from fmu_files import CAR, FOREIGN_MAP, QUICK, binary, changed, description, patched, slalom, unpacked
 
 from sidestep.controller import SteeringController
-from sidestep.fmu.archive import unpack
 from sidestep.fmu.build import build_fmu
 from sidestep.fmu.estimation import Estimator
 from sidestep.fmu.fmu_plant import FmuPlant
@@ -24,20 +21,6 @@ from sidestep.validation.plants import open_plant
 from sidestep.validation.scenario import load_scenario
 
 START = VehicleState(time=1.0, yaw=3.1, v_x=15.0)
-
-
-@contextmanager
-def unpacked(file):
-    fmu = unpack(file)
-    try:
-        yield fmu
-    finally:
-        shutil.rmtree(fmu.folder)
-
-
-@pytest.fixture(scope="module")
-def foreign(tmp_path_factory):
-    return foreign_fmu(tmp_path_factory.mktemp("foreign"))
 
 
 @pytest.mark.parametrize("name", ["single-obstacle", "double-obstacle"])

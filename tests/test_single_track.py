@@ -7,7 +7,7 @@ from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from integration import integrate
 
 from sidestep.fmu.build import source_files
 from sidestep.fmu.fmu_plant import FmuPlant
@@ -82,21 +82,6 @@ def rates(state, steer_command, target_speed, car, friction):
     ]
 
 
-def integrate(start, command, duration, car, friction, dt=0.02):
-    """solve_ivp over the equations above, started anew wherever a limit begins or ceases to act."""
-    state = np.array([start.x, start.y, start.yaw, start.v_x, start.v_y, start.yaw_rate, 0.0, 0.0, start.steer_angle])
-    rows = [state]
-    for k in range(round(duration / dt)):
-        steer, speed = command(k * dt)
-        solution = solve_ivp(
-            lambda _, x, steer=steer, speed=speed: rates(x, steer, speed, car, friction),
-            (0.0, dt), state, method="DOP853", rtol=1e-10, atol=1e-12, max_step=dt / 4,
-        )  # fmt: skip
-        state = solution.y[:, -1]
-        rows.append(state)
-    return np.array(rows)
-
-
 @pytest.mark.parametrize(
     ("car", "friction", "start", "command"),
     [
@@ -108,7 +93,7 @@ def integrate(start, command, duration, car, friction, dt=0.02):
     ids=["slalom", "slide", "brake-in-turn", "slow"],
 )
 def test_fmu_equals_an_independent_integration(car, friction, start, command):
-    expected = integrate(start, command, 1.6, car, friction)
+    expected = integrate(lambda *now: rates(*now, car, friction), start, 2, command, 1.6)
     with FmuPlant.native(car, friction=friction, internal_step=0.001) as plant:
         found = drive(plant, start, command, 1.6)
     np.testing.assert_allclose(found[:, 1:], expected[:, COMMON], rtol=0, atol=1e-6)
