@@ -11,7 +11,8 @@ from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle import VehicleParameters
 from sidestep.validation.delay_line import DelayLine
-from sidestep.validation.scenario import PlantSettings, Scenario
+from sidestep.validation.plant_settings import PlantSettings
+from sidestep.validation.scenario import Scenario
 from sidestep.validation.tables import did_you_mean
 
 PLANT_KINDS = ("linear", "single-track", "double-track", "mujoco")

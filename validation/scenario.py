@@ -4,77 +4,26 @@ import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta
 
 from sidestep.controller import ControllerConfig
 from sidestep.plant_models.errors import InputError
-from sidestep.plant_models.mujoco_surface import FrictionPatch, HeightField, Surface
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import Arc, Clothoid, Line, ReferencePath
 from sidestep.plant_models.signals import VehicleState
 from sidestep.plant_models.tyre_file import read_tyre
 from sidestep.plant_models.vehicle import VehicleParameters
 from sidestep.validation.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
-from sidestep.validation.tables import checked, did_you_mean, joined, override
+from sidestep.validation.plant_settings import PlantSettings, plant_settings
+from sidestep.validation.tables import built, checked, did_you_mean, joined, override
 
 _BUILT_IN = Path(__file__).parent / "scenarios"
 _SEGMENTS = {"line": Line, "arc": Arc, "clothoid": Clothoid}
 
 Positive = Annotated[float, Meta(gt=0.0)]
-NotNegative = Annotated[float, Meta(ge=0.0)]
-
-
-@dataclass(frozen=True)
-class PlantSettings:
-    """Which plant is driven, and how it differs from what the controller believes.
-
-    Attributes:
-        kind: linear, single-track, double-track, mujoco, or an .fmu file, found from the scenario file's folder.
-        friction: Road friction as a factor on the tyres' peak.
-        tyre: What shears the tyres of MuJoCo's car, see `MujocoPlant`.
-        grade, bank: Rise of its road per metre along x and along y.
-        patches: Patches of other friction on its road; tables of `FrictionPatch` in the file.
-        heights: Bumps on that road, None for none; in the file a table of what `HeightField.from_csv` takes.
-        map: Mapping file (TOML) of an FMU that is not ours; empty for none.
-        steer_offset: Added to every commanded road-wheel angle, in [rad]: a misaligned steering, which the
-            reported angle does not show.
-        mass, stiffness: Of the plant's car and of its tyres, as factors on what the controller knows.
-        delay: Until a command reaches the steering and the drive, in [s].
-        noise: Of the state that the controller gets, in multiples of `measurement.NOISE`; the judge sees the true one.
-        noise_seed: Of that noise.
-        measured_offset: By which that state lies to the left of where the car is, in [m].
-        isolate: Time limit of a step of an FMU that runs in a process of its own, in [s]; 0 to run it here.
-    """
-
-    kind: str = "mujoco"
-    friction: Positive = 1.0
-    tyre: Literal["magic-formula", "contact", "stock-contact"] = "magic-formula"
-    grade: float = 0.0
-    bank: float = 0.0
-    patches: tuple[Any, ...] = ()
-    heights: Any = None
-    map: str = ""
-    steer_offset: float = 0.0
-    mass: Positive = 1.0
-    stiffness: Positive = 1.0
-    delay: NotNegative = 0.0
-    noise: NotNegative = 0.0
-    noise_seed: Annotated[int, Meta(ge=0)] = 0
-    measured_offset: float = 0.0
-    isolate: NotNegative = 0.0
-
-    @property
-    def name(self) -> str:
-        """For tables and file names: the kind, or the file's name without folder and ending."""
-        return Path(self.kind).stem
-
-    @property
-    def surface(self) -> Surface:
-        """The road of MuJoCo's car."""
-        return Surface(self.grade, self.bank, self.patches, self.heights)
 
 
 @dataclass(frozen=True)
@@ -130,14 +79,6 @@ class _Road:
     width_right: Positive
     segments: list[Any] = field(default_factory=list)
     waypoints: str = ""
-
-
-@dataclass
-class _Heights:
-    path: str
-    spacing: Positive
-    x: float = 0.0
-    y: float = 0.0
 
 
 @dataclass
@@ -238,7 +179,7 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
         controller=config,
         controller_preset=preset,
         description=top.description,
-        plant=_plant(top.plant, file.parent),
+        plant=plant_settings(top.plant, file.parent),
         tables=tables,
     )  # fmt: skip
     _check_start(scenario, start.s)
@@ -260,20 +201,11 @@ def _segment(table: Any, where: str) -> Line | Arc | Clothoid:
     if kind not in _SEGMENTS:
         raise InputError(joined(where, "type"), f"{kind!r}", ", ".join(_SEGMENTS))
     values = {key: value for key, value in table.items() if key != "type"}
-    return _made(_SEGMENTS[kind], values, where)
-
-
-def _made(cls: Any, table: Any, where: str) -> Any:
-    """The dataclass from its table; what it refuses itself is named by the file's key."""
-    values = checked(cls, table, where)
-    try:
-        return cls(**values)
-    except InputError as error:
-        raise InputError(joined(where, error.where.rpartition(".")[2]), error.problem, error.allowed) from error
+    return built(_SEGMENTS[kind], values, where)
 
 
 def _obstacle(table: Any, where: str) -> Obstacle:
-    return _made(Obstacle, table, where)
+    return built(Obstacle, table, where)
 
 
 def _vehicle(table: dict[str, Any], folder: Path) -> VehicleParameters:
@@ -293,20 +225,6 @@ def _controller(table: dict[str, Any], road: _Road, speed: float) -> tuple[str, 
     values = checked(ControllerConfig, table, "controller", partial=True, also={"preset": str}, without=elsewhere)
     preset = values.pop("preset", "default")
     return preset, ControllerConfig.preset(preset, **elsewhere, **values)
-
-
-def _plant(table: dict[str, Any], folder: Path) -> PlantSettings:
-    plant = PlantSettings(**checked(PlantSettings, table, "plant"))
-    kind = str(folder / plant.kind) if plant.kind.endswith(".fmu") else plant.kind
-    patches = tuple(_made(FrictionPatch, patch, f"plant.patches[{i}]") for i, patch in enumerate(plant.patches))
-    heights = None if plant.heights is None else _heights(plant.heights, folder)
-    map_file = str(folder / plant.map) if plant.map else ""
-    return replace(plant, kind=kind, patches=patches, heights=heights, map=map_file)
-
-
-def _heights(table: Any, folder: Path) -> HeightField:
-    values = checked(_Heights, table, "plant.heights")
-    return HeightField.from_csv(folder / values.pop("path"), **values)
 
 
 def _check_start(scenario: Scenario, s: float) -> None:

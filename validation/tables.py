@@ -58,6 +58,19 @@ def checked(
     return {key: _value(hints[key], value, joined(where, key), partial) for key, value in table.items()}
 
 
+def built(cls: Any, table: Any, where: str) -> Any:
+    """The dataclass `cls` of one table; what it refuses itself is named by the file's key.
+
+    Raises:
+        InputError: As `checked`, or the dataclass refuses a value.
+    """
+    values = checked(cls, table, where)
+    try:
+        return cls(**values)
+    except InputError as error:
+        raise InputError(joined(where, error.where.rpartition(".")[2]), error.problem, error.allowed) from error
+
+
 def joined(where: str, key: str) -> str:
     """The dotted key one level down."""
     return f"{where}.{key}" if where else key
