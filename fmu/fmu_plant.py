@@ -90,7 +90,11 @@ class FmuPlant:
 
     @classmethod
     def from_file(
-        cls, path: str | Path, mapping: Mapping | str | Path | None = None, vehicle: VehicleParameters | None = None
+        cls,
+        path: str | Path,
+        mapping: Mapping | str | Path | None = None,
+        vehicle: VehicleParameters | None = None,
+        friction: float = 1.0,
     ) -> Self:
         """An FMU from anywhere.
 
@@ -98,30 +102,28 @@ class FmuPlant:
             path: The .fmu file.
             mapping: A mapping or its TOML file; None for an FMU with our own names.
             vehicle: The car whose numbers an FMU with our own names takes; its own if None.
+            friction: Of the road, for its parameter `friction`; 1 leaves that as it is.
 
         Raises:
-            InputError: The FMU cannot be used, or does not have what the mapping names.
+            InputError: The FMU cannot be used, or does not have what the mapping names, or no friction to set.
         """
         if mapping is None:
             plant = cls(path, Mapping(), vehicle)
             values = vehicle_values(vehicle) if vehicle else {}
             known = {name: value for name, value in values.items() if name in plant._fmu.variables}
             plant.mapping = Mapping(parameters=known)
-            return plant
-        return cls(path, mapping if isinstance(mapping, Mapping) else Mapping.from_file(mapping), vehicle)
+        else:
+            plant = cls(path, mapping if isinstance(mapping, Mapping) else Mapping.from_file(mapping), vehicle)
+        if not math.isclose(friction, 1.0):
+            plant._set_friction(friction)
+        return plant
 
-    def has_parameter(self, name: str) -> bool:
-        """Whether the FMU has a variable of this name."""
-        return name in self._fmu.variables
-
-    def set_parameter(self, name: str, value: float) -> None:
-        """Set a parameter, in the FMU's own unit, from the next reset on.
-
-        Raises:
-            InputError: The FMU has none of this name.
-        """
-        self._fmu.check_known({name: value})
-        self.mapping = replace(self.mapping, parameters=self.mapping.parameters | {name: value})
+    def _set_friction(self, friction: float) -> None:
+        variable = self._fmu.variables.get("friction")
+        if variable is None or variable.causality != "parameter":
+            self.close()
+            raise InputError("plant.friction", f"{friction}: {self.path.name} has no parameter friction", "1.0")
+        self.mapping = replace(self.mapping, parameters=self.mapping.parameters | {"friction": friction})
 
     def reset(self, state: VehicleState) -> VehicleState:
         """Start a new instance of the FMU at `state`, so far as the mapping has start parameters for it.

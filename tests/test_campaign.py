@@ -1,6 +1,7 @@
 """Campaigns: which cases there are, that none is lost or run twice, what their numbers mean, and the imperfect car."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -19,6 +20,7 @@ from test_report import drive
 
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
+from sidestep.validation import journal
 from sidestep.validation.campaign import Campaign, cases, load_campaign, number_of_cases, scenario_of
 from sidestep.validation.campaign_figures import influences, telling
 from sidestep.validation.campaign_report import junit_cases, summarised, write_campaign_report
@@ -27,7 +29,7 @@ from sidestep.validation.cli import main
 from sidestep.validation.closed_loop import open_controller
 from sidestep.validation.journal import open_journal, read_journal
 from sidestep.validation.junit import write_junit
-from sidestep.validation.measurement import NOISE, ImperfectMeasurement
+from sidestep.validation.measurement import FITTED_NOISE, NOISE, ImperfectMeasurement, measured
 from sidestep.validation.plants import ImperfectSteering, true_vehicle
 from sidestep.validation.scenario import load_scenario
 from sidestep.validation.sensitivity import first_order, separation, trend
@@ -153,6 +155,17 @@ def test_a_line_that_was_cut_short_is_run_again(tmp_path):
         file.write_bytes(text[:-cut])
         assert run_campaign(spec, file, 1, work=fake) == whole
         assert file.read_bytes() == text
+
+
+def test_a_disk_that_is_full_ends_a_campaign_that_goes_on_later(tmp_path, monkeypatch):
+    spec, file, write = replace(campaign(tmp_path), runs=8), tmp_path / "c.jsonl", os.write
+    left = iter((10_000, 10_000, 10_000, 100))  # the fourth line is cut short
+    with monkeypatch.context() as patch:
+        patch.setattr(journal.os, "write", lambda where, line: write(where, line[: next(left)]))
+        with pytest.raises(InputError, match=r"--out: cannot write .*\(No space left"):
+            run_campaign(spec, file, 1, work=fake)
+    assert len(read_journal(file)[1]) == 2
+    assert run_campaign(spec, file, 1, work=fake) == run_campaign(spec, tmp_path / "whole.jsonl", 1, work=fake)
 
 
 def test_a_journal_belongs_to_one_specification_and_one_process(tmp_path):
@@ -349,6 +362,15 @@ def test_noise_has_its_size_its_seed_and_leaves_time_alone():
     deviation = 2.0 * np.array([getattr(NOISE, name) for name in VehicleState.__slots__])
     assert np.all(np.abs(states.mean(axis=0) - expected) <= 5.0 * deviation / np.sqrt(4000) + 1e-12)
     assert states.std(axis=0) == pytest.approx(deviation, rel=0.05, abs=1e-12)
+
+
+def test_what_identification_fits_has_noise_of_its_size_and_seed():
+    true = {name: np.linspace(0.0, 1.0, 4000) for name in ("steer_angle", "v_y", *FITTED_NOISE)}
+    drive = measured(true, 2.0, (7, 1))
+    for name, values in drive.items():
+        assert np.std(values - true[name]) == pytest.approx(2.0 * FITTED_NOISE.get(name, 0.0), rel=0.05)
+    assert np.array_equal(measured(true, 2.0, (7, 1))["yaw_rate"], drive["yaw_rate"])
+    assert not np.allclose(measured(true, 2.0, (7, 2))["yaw_rate"], drive["yaw_rate"])
 
 
 def test_figures_of_a_row_are_json_and_those_of_the_run():

@@ -7,6 +7,7 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from io import BytesIO, TextIOWrapper
 from types import SimpleNamespace
 
 import can
@@ -223,6 +224,58 @@ def test_a_plant_that_cannot_be_built_is_one_line(monkeypatch, capsys, tmp_path)
     assert main(["run", "single-obstacle", "--plant", "linear", "--out", "a"]) == 2
     assert capsys.readouterr().err == "sidestep: no C compiler anywhere\n"
     assert files(tmp_path) == []
+
+
+# Output that goes nowhere
+
+
+@pytest.mark.parametrize(
+    ("output", "status", "words"),
+    [("closed", 1, ""), ("/dev/full", 2, "sidestep: output: No space left on device\n")],
+)
+def test_output_that_nobody_takes_is_no_traceback(output, status, words):
+    reader, writer = os.pipe()
+    os.close(reader)
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    command = [sys.executable, "-m", "sidestep.validation", "scenarios"]
+    with open(writer if output == "closed" else output, "w") as stdout:
+        done = subprocess.run(command, stdout=stdout, stderr=subprocess.PIPE, text=True, check=False, env=environment)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stdout.fileno())
+    assert (done.returncode, done.stderr) == (status, words)
+
+
+def test_an_argument_of_no_text_is_refused(capsys):
+    assert main(["run", "\udcff"]) == 2
+    assert capsys.readouterr().err == "sidestep: arguments: \"sidestep run '\\udcff'\" cannot be read; allowed: UTF-8\n"
+
+
+def test_a_terminal_without_our_signs_gets_others(monkeypatch):
+    shown = TextIOWrapper(BytesIO(), encoding="ascii")
+    monkeypatch.setattr(sys, "stdout", shown)
+    assert main(["validate", "--manoeuvres"]) == 0
+    assert b"m/s?" in shown.buffer.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "option"),
+    [
+        (["run", "single-obstacle", "--plant", "linear", "--junit"], "--junit"),
+        (["run", "single-obstacle", "--render"], "--render"),
+        (["campaign", "spec.toml", "--junit"], "--junit"),
+        (["compare", "a", "b", "--junit"], "--junit"),
+        (["golden", "check", "a", "g.csv", "--junit"], "--junit"),
+        (["validate", "--junit"], "--junit"),
+        (["identify", "--plant", "linear", "--out"], "--out"),
+    ],
+)
+@pytest.mark.parametrize("file", [".", "/proc/here/there.gif", "no-folder/a.gif"])
+def test_a_file_that_cannot_be_written_is_refused_before_the_work(arguments, option, file, tmp_path, capsys):
+    if option == "--out" and file == "no-folder/a.gif":
+        return  # which is made
+    assert main([*arguments, file]) == 2
+    shown = capsys.readouterr()
+    assert shown.err.startswith(f"sidestep: {option}: cannot write '{file}' (")
+    assert (shown.out, shown.err.count("\n"), files(tmp_path)) == ("", 1, [])
 
 
 # Interruption

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sidestep.fmu.fmu_plant import FmuPlant
-from sidestep.plant_models.errors import PlantError
+from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.linear_plant import LinearPlant
 from sidestep.plant_models.vehicle import VehicleParameters
 from sidestep.validation import envelope as module
@@ -25,6 +25,7 @@ from sidestep.validation.envelope import (
 )
 from sidestep.validation.envelope_figure import envelope_chart, limits_chart
 from sidestep.validation.open_loop import drive
+from sidestep.validation.plants import open_plant
 from sidestep.validation.prediction_error import prediction_errors, road_states, statistics
 from sidestep.validation.prediction_models import MODELS
 from sidestep.validation.step_size import step_halving
@@ -152,6 +153,23 @@ def test_an_fmu_is_driven_on_other_friction_if_it_has_the_parameter():
         with open_with_friction(scenarios[0], friction) as plant:
             reached.append(drive(plant, step, CAR)["lateral_acceleration"].max())
     assert reached[2] < tyre_limit(CAR, 0.3) * 1.05 < reached[0]
+
+
+def test_what_stands_before_an_fmu_lets_its_friction_through():
+    with FmuPlant.native(CAR) as plant, FmuPlant.native(CAR, model="linear") as linear:
+        files = [str(plant.path), str(linear.path)]
+    scenarios = [open_loop_scenario([f'plant.kind="{file}"', "plant.delay=0.02"]) for file in files]
+    assert [frictions_of(scenario) for scenario in scenarios] == [FRICTIONS, FRICTIONS[:1]]
+
+
+def test_friction_of_an_fmu_is_set_or_refused(foreign):
+    with FmuPlant.native(CAR) as plant:
+        file = plant.path
+    with FmuPlant.from_file(file, friction=0.6) as plant:
+        assert plant.mapping.parameters["friction"] == 0.6
+    file, table = foreign
+    with pytest.raises(InputError, match=r"plant.friction: 0.6: foreign.fmu has no parameter friction; allowed: 1.0"):
+        open_plant(open_loop_scenario([f'plant.kind="{file}"', f'plant.map="{table}"', "plant.friction=0.6"]))
 
 
 def test_numerics_are_below_a_percent_of_the_model_error():

@@ -1,6 +1,7 @@
 """The checks of the MuJoCo car, their table, and what a failing one does."""
 
 import math
+from xml.etree import ElementTree
 
 import pytest
 
@@ -30,13 +31,15 @@ def test_the_rig_measures_the_formula(on_belt):
     assert forces == pytest.approx([2.0 * magic_formula(0.0, angle, load, 1.0, p)[1]] * 2, rel=1e-3)
 
 
-def test_a_failing_check_is_shown_and_sets_the_exit_status(monkeypatch, capsys):
+def test_a_failing_check_is_shown_and_sets_the_exit_status(monkeypatch, tmp_path, capsys):
     checks = [Check("1 good", 0.1, 0.2, "mm"), Check("2 bad", 0.3, 0.2, ""), Check("3 lost", math.nan, 0.2, "")]
     monkeypatch.setattr(module, "validate_mujoco", lambda: checks)
     monkeypatch.setattr(module, "long_drive", list)
-    assert main(["validate", "--checks"]) == 1
+    assert main(["validate", "--checks", "--junit", str(tmp_path / "j.xml")]) == 1
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[-1] for line in lines if line.split() and line.split()[0] in "123"] == ["PASS", "FAIL", "FAIL"]
+    suite = ElementTree.parse(tmp_path / "j.xml").getroot()[0]
+    assert [element.get("message") for element in suite.iter("failure")] == ["0.3, limit 0.2", "nan, limit 0.2"]
     monkeypatch.setattr(module, "validate_mujoco", lambda: checks[:1])
     assert main(["validate", "--plant", "mujoco", "--checks"]) == 0
 

@@ -1,6 +1,7 @@
 """`sidestep validate` and `sidestep identify` from end to end, on the plant that is quickest."""
 
 import json
+from xml.etree import ElementTree
 
 import pytest
 
@@ -16,8 +17,9 @@ from sidestep.validation.vehicle_file import vehicle_toml
 def test_validate_writes_report_charts_and_limits(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(plant_report, "QUICK_SPEEDS", (10.0, 20.0))
     monkeypatch.setattr(plant_report, "QUICK_SHARES", (0.1, 0.3))
+    junit = tmp_path / "verdicts.xml"
     command = ["validate", "--plant", "linear", "--quick", "--jobs", "1", "--out", str(tmp_path)]
-    assert main([*command, "--set", "controller.tyre_model=linear"]) == 1  # the affine model has other tyres
+    assert main([*command, "--junit", str(junit)]) == 1  # the affine model has other tyres
     limits = json.loads((tmp_path / "validity.json").read_text(encoding="utf-8"))
     assert limits["max_lateral_acceleration"]["linear"] == [pytest.approx([3.06, 3.06], abs=0.01)]
     assert limits["max_lateral_acceleration"]["affine"][0][1] < 3.0
@@ -35,6 +37,9 @@ def test_validate_writes_report_charts_and_limits(monkeypatch, tmp_path, capsys)
         "envelope-straight.png", "envelope-curved.png", "limits.png"
     }  # fmt: skip
     assert "FAIL" in capsys.readouterr().out
+    suite = ElementTree.parse(junit).getroot()[0]
+    assert [case.get("name") for case in suite] == ["Validity envelope, straight road", "Step halving"]
+    assert suite.find("testcase/failure").get("message").startswith("FAIL: from 7.5 m/s on")
 
 
 def test_one_manoeuvre_leaves_signals_and_a_picture(tmp_path, capsys):
@@ -45,9 +50,41 @@ def test_one_manoeuvre_leaves_signals_and_a_picture(tmp_path, capsys):
     assert "yaw rate, 18571" in capsys.readouterr().out
 
 
-def test_the_controller_drives_a_scenario_as_a_manoeuvre(capsys):
-    assert main(["validate", "--manoeuvre", "single-obstacle", "--plant", "linear"]) == 0
+def test_the_controller_drives_a_scenario_as_a_manoeuvre(tmp_path, capsys):
+    command = ["validate", "--manoeuvre", "single-obstacle", "--plant", "linear", "--junit", str(tmp_path / "j.xml")]
+    assert main(command) == 0
     assert "clearance 0.2" in capsys.readouterr().out
+    assert main([*command, "--set", "duration=2"]) == 0
+    assert main([*command, "--set", "plant.measured_offset=1"]) == 1  # here it counts
+    (case,) = ElementTree.parse(tmp_path / "j.xml").getroot()[0]
+    assert case[0].get("message") in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--manoeuvres", "--quick"], "--quick: makes no difference beside --manoeuvres"),
+        (["--manoeuvres", "--out", "a"], "--out: makes"),
+        (["--manoeuvre", "coast", "--quick"], "--quick: makes no difference beside --manoeuvre coast"),
+        (["--manoeuvre", "coast", "--jobs", "2"], "--jobs: makes"),
+        (["--manoeuvre", "coast", "--junit", "j.xml"], "--junit: makes"),
+        (["--manoeuvre", "moose", "--out", "a"], "--out: makes no difference beside --manoeuvre moose"),
+        (["--checks", "--set", "vehicle.mass=1000"], "--set: makes no difference beside --checks"),
+        (["--checks", "--jobs", "1"], "--jobs: makes"),
+        (["--checks", "--plant", "linear"], "--plant: no checks for 'linear'"),
+        (["--set", "plant.noise=1"], "plant.noise: 1.0: only the plant's true state"),
+        (["--manoeuvre", "coast", "--set", "plant.measured_offset=0.1"], "plant.measured_offset: 0.1"),
+        (["--set", "plant.friction=0.6"], "plant.friction: 0.6: the envelope is driven on (1.0, 0.6, 0.3)"),
+        (["--set", "speed=20"], "--set speed: makes no difference here"),
+        (["--set", "controller.preset=paper"], "--set controller.preset: makes"),
+    ],
+)
+def test_what_would_be_ignored_is_refused(arguments, words, monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["validate", *arguments]) == 2
+    shown = capsys.readouterr()
+    assert shown.err.startswith(f"sidestep: {words}")
+    assert (shown.out, shown.err.count("\n"), list(tmp_path.iterdir())) == ("", 1, [])
 
 
 def test_manoeuvres_are_listed_and_an_unknown_one_is_refused(capsys):
@@ -80,6 +117,17 @@ def test_identify_writes_the_file_that_the_controller_reads(tmp_path, capsys):
     assert found.yaw_inertia == pytest.approx(1400.0, rel=0.01)
     assert found.cornering_stiffness_rear == pytest.approx(car.cornering_stiffness_rear, rel=0.01)
     assert "told apart" not in capsys.readouterr().out
+
+
+def test_identification_hears_the_noise_of_the_plant(tmp_path, capsys):
+    """By a value that it moves, but not out of its interval, and by residuals that are white."""
+    file = tmp_path / "car.toml"
+    assert main(["identify", "--plant", "linear", "--set", "plant.noise=1", "--out", str(file)]) == 0
+    found, true = VehicleParameters.from_file(file), VehicleParameters.preset("bmw-320i")
+    error = found.cornering_stiffness_front / true.cornering_stiffness_front - 1.0
+    assert 1e-4 < abs(error) < 0.01
+    assert "if white (white)" in " ".join(capsys.readouterr().out.split())
+    assert main(["identify", "--plant", "linear", "--set", "plant.measured_offset=1"]) == 2
 
 
 @pytest.mark.parametrize("name", ["bmw-320i", "ford-escort"])

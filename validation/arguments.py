@@ -1,8 +1,11 @@
-"""What several commands' options share: numbers that are refused before anything runs, and `--jobs`."""
+"""What several commands' options share: values that are refused before anything runs, and `--jobs`."""
 
 import argparse
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from sidestep.plant_models.errors import InputError
 
 
 def whole_number(text: str) -> int:
@@ -45,9 +48,30 @@ def share(text: str) -> float:
     return _number(text, lambda value: 0.0 <= value <= 1.0, "from 0 to 1")
 
 
+ONE_PER_CORE = -1
+"""Joblib's word for as many processes as there are cores."""
+
+
 def add_jobs(parser: argparse.ArgumentParser) -> None:
-    """Add `--jobs`; -1, joblib's word for one process per core, is the default."""
-    parser.add_argument("--jobs", type=whole_number, default=-1, metavar="J", help="processes; default: one per core")
+    """Add `--jobs`."""
+    parser.add_argument(
+        "--jobs", type=whole_number, default=ONE_PER_CORE, metavar="J", help="processes; default: one per core"
+    )
+
+
+def refuse_beside(option: str, others: Mapping[str, Any]) -> None:
+    """Refuse options that would be ignored.
+
+    Args:
+        option: Beside which they are.
+        others: Values by option; None, False, [] and ONE_PER_CORE are those of one that was not given.
+
+    Raises:
+        InputError: One was given.
+    """
+    for other, value in others.items():
+        if not (value is None or value is False or value in ([], ONE_PER_CORE)):
+            raise InputError(other, f"makes no difference beside {option}", "one of the two")
 
 
 def _number(text: str, fits: Callable[[float], bool], allowed: str) -> float:

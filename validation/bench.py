@@ -28,11 +28,11 @@ from numpy.typing import NDArray
 from sidestep.controller import SteeringController
 from sidestep.controller.can_port.port import SteeringPort
 from sidestep.controller.mpc import Problem
-from sidestep.plant_models.errors import InputError, PlantError
+from sidestep.plant_models.errors import PlantError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.validation.bench_table import print_figures, print_solvers
 from sidestep.validation.console import progress_bar
-from sidestep.validation.files import write_text
+from sidestep.validation.files import check_file, write_text, written_file
 from sidestep.validation.plants import PLANT_KINDS, open_plant
 from sidestep.validation.qp_solvers import installed_solvers, solve_all
 from sidestep.validation.scenario import Scenario, load_scenario
@@ -69,18 +69,15 @@ def main(options: argparse.Namespace) -> int:
         again = [sys.executable, "-m", "sidestep.validation", *shlex.split(options.command_line)[1:]]
         return subprocess.call(again, env={**os.environ, **_ONE_THREAD})
     file: Path | None = options.json
-    if file and not os.access(file.absolute().parent, os.W_OK):
-        raise InputError("--json", f"cannot write {str(file)!r}", "a file in a folder that takes files")
+    check_file(file, "--json")
     with progress_bar("bench", 1.0) as progress:
         figures = measure(load_scenario(SCENE), progress=progress)
     print_figures(figures)
     if options.solvers:
         print_solvers(figures)
     if file:
-        try:
+        with written_file(file, "--json"):
             write_text(file, strict_json(figures))
-        except OSError as error:
-            raise InputError("--json", f"cannot write {str(file)!r} ({error.strerror})") from error
     return 0
 
 

@@ -27,18 +27,20 @@ def _campaign(options: argparse.Namespace) -> int:
     from sidestep.validation.campaign import load_campaign
     from sidestep.validation.campaign_report import junit_cases, sentence, summarised, write_campaign_report
     from sidestep.validation.campaign_run import about, run_campaign
-    from sidestep.validation.files import made, write_text
+    from sidestep.validation.files import check_file, made, write_text, written_to
     from sidestep.validation.junit import write_junit
     from sidestep.validation.summary import strict_json
 
+    check_file(options.junit, "--junit")
     campaign = load_campaign(options.spec)
     out = options.out or Path("runs") / campaign.name
     with made(out):
         rows = run_campaign(campaign, out / "campaign.jsonl", options.jobs, options.dask)
     summary = summarised(campaign, rows)
     context = {"Command": options.command_line, "Seed": str(campaign.seed), **about(campaign)}
-    write_text(out / "summary.json", strict_json(summary | {"about": context}))
-    write_campaign_report(out / "report.html", campaign, rows, summary, context)
+    with written_to(out):
+        write_text(out / "summary.json", strict_json(summary | {"about": context}))
+        write_campaign_report(out / "report.html", campaign, rows, summary, context)
     if options.junit:
         write_junit(options.junit, campaign.name, junit_cases(campaign, rows))
     print(sentence(summary))

@@ -1,15 +1,18 @@
 """The `sidestep` command: one function per subcommand, heavy imports only in the one that runs.
 
-Exit status: 0 pass, 1 the run ended and its verdict is fail, 2 bad input or usage, 130 interrupted.
+Exit status: 0 pass, 1 the run ended and its verdict is fail (or nobody reads what it prints any more), 2 bad input or
+usage, 130 interrupted.
 """
 
 import argparse
 import json
+import os
 import shlex
 import sys
 import time
 from collections.abc import Sequence
 from importlib.metadata import version
+from io import TextIOWrapper
 from pathlib import Path
 from typing import NoReturn
 
@@ -21,7 +24,7 @@ from sidestep.validation.fmu_commands import add_fmu
 from sidestep.validation.limits_commands import add_limits
 from sidestep.validation.validate_commands import add_validate
 
-BAD_INPUT, INTERRUPTED = 2, 130
+FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
 
 class _Parser(argparse.ArgumentParser):
@@ -36,9 +39,28 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit status.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # a terminal without our units and dashes is no reason to end
+    try:
+        try:
+            return _status(arguments)
+        finally:
+            sys.stdout.flush()
+    except OSError as error:  # files are looked after where they are written: this is the output, or a full disk
+        if error.filename is None:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or the interpreter tries again at its end
+        if isinstance(error, BrokenPipeError):
+            return FAILED
+        print(f"sidestep: {error.filename or 'output'}: {error.strerror}", file=sys.stderr)
+        return BAD_INPUT
+
+
+def _status(arguments: Sequence[str]) -> int:
     options = _parser().parse_args(arguments)
     options.command_line = shlex.join(["sidestep", *arguments])
     try:
+        if any("\ud800" <= letter <= "\udfff" for letter in options.command_line):  # bytes that are no UTF-8
+            raise InputError("arguments", f"{options.command_line!a} cannot be read", "UTF-8")
         return options.command(options)
     except (InputError, PlantError) as error:
         print("sidestep:", " ".join(str(error).split()), file=sys.stderr)
@@ -131,6 +153,7 @@ def _scenarios(options: argparse.Namespace) -> int:
 def _run(options: argparse.Namespace) -> int:
     from sidestep.validation.campaign_commands import compared_to_row, replayed
     from sidestep.validation.console import print_runs, progress_bar
+    from sidestep.validation.files import check_file
     from sidestep.validation.junit import write_junit
     from sidestep.validation.mdf import require_mdf, write_mdf
     from sidestep.validation.report import junit_case, write_run
@@ -147,6 +170,8 @@ def _run(options: argparse.Namespace) -> int:
     folder = options.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{scenario.name}"
     if options.mf4:
         require_mdf()
+    check_file(options.junit, "--junit")
+    check_file(options.render, "--render")
     with progress_bar(f"{scenario.name} on {scenario.plant.name}", scenario.duration) as progress:
         run = drive(
             scenario, folder, can, options.coupling, options.allow_real_bus, options.view, progress,

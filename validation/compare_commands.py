@@ -34,10 +34,11 @@ def _compare(options: argparse.Namespace) -> int:
     from sidestep.plant_models.errors import InputError
     from sidestep.validation.compare import evidence, pairs, read_runs
     from sidestep.validation.credibility import write_credibility_report
-    from sidestep.validation.files import made
+    from sidestep.validation.files import check_file, made
     from sidestep.validation.junit import JunitCase, write_junit
     from sidestep.validation.summary import versions
 
+    check_file(options.junit, "--junit")
     if len(options.runs) < 2:
         raise InputError("RUN", "only one", "two runs at least")
     runs, least = read_runs(options.runs), options.least
@@ -73,9 +74,11 @@ def _record(options: argparse.Namespace) -> int:
 
 def _check(options: argparse.Namespace) -> int:
     from sidestep.validation.compare import read_runs
+    from sidestep.validation.files import check_file
     from sidestep.validation.golden import check, read_golden
     from sidestep.validation.junit import JunitCase, write_junit
 
+    check_file(options.junit, "--junit")
     departures = check(read_runs([options.run])[0].samples, read_golden(options.file))
     for departure in departures:
         print(departure)

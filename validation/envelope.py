@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sidestep.controller.car_model import Car, axle_force, peak_slip
-from sidestep.plant_models.errors import PlantError
+from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.vehicle import GRAVITY, VehicleParameters
 from sidestep.validation.limits import in_parallel
@@ -37,6 +37,7 @@ SPEEDS = tuple(np.linspace(5.0, 35.0, 13).tolist())
 """In [m/s]."""
 NARROWEST = 20.0
 """Least radius of the curved road, in [m]."""
+_KEYS = ("vehicle.", "plant.", "controller.buffer.")
 DURATION = 4.0
 """Of each manoeuvre, in [s]."""
 _SHAPES = (Ramp(), Sine(0.5), Sine(0.7, dwell=0.5))
@@ -99,34 +100,46 @@ class Envelope:
         }
 
 
-def open_loop_scenario(overrides: Sequence[str]) -> Scenario:
-    """Vehicle, plant and controller of `--set` overrides, on an empty road.
+def open_loop_scenario(overrides: Sequence[str], noisy: bool = False) -> Scenario:
+    """Vehicle, plant and buffer of `--set` overrides, on an empty road.
+
+    Args:
+        overrides: `key=value`.
+        noisy: Whether what is measured may be.
 
     Raises:
-        InputError: Bad override.
+        InputError: Bad override, or one that makes no difference to an open-loop drive.
     """
-    return parse_scenario(_SCENARIO, "open-loop", overrides)
+    scenario = parse_scenario(_SCENARIO, "open-loop", overrides)
+    for key in (change.partition("=")[0].strip() for change in overrides):
+        if not f"{key}.".startswith(_KEYS):
+            raise InputError(f"--set {key}", "makes no difference here", "keys of vehicle and plant, controller.buffer")
+    for name in ("measured_offset", *(() if noisy else ("noise",))):
+        if value := getattr(scenario.plant, name):
+            raise InputError(f"plant.{name}", f"{value}: only the plant's true state is looked at here", "0")
+    return scenario
 
 
 def frictions_of(scenario: Scenario) -> tuple[float, ...]:
     """Those that the plant can be driven on; an FMU from elsewhere needs a parameter `friction`.
 
     Raises:
-        InputError, PlantError: The plant cannot be built.
+        InputError: The plant cannot be used, or is asked for on one friction alone.
+        PlantError: It cannot be built.
     """
-    if scenario.plant.kind == "linear":
+    if (friction := scenario.plant.friction) != FRICTIONS[0]:
+        raise InputError("plant.friction", f"{friction}: the envelope is driven on {FRICTIONS}", f"{FRICTIONS[0]}")
+    open_plant(scenario).close()
+    try:
+        open_with_friction(scenario, FRICTIONS[1]).close()
+    except InputError:
         return FRICTIONS[:1]
-    with open_plant(scenario) as plant:
-        known = getattr(plant, "has_parameter", None)
-    return FRICTIONS if known is None or known("friction") else FRICTIONS[:1]
+    return FRICTIONS
 
 
 def open_with_friction(scenario: Scenario, friction: float) -> Plant:
     """The scenario's plant on a road of this friction."""
-    plant = open_plant(replace(scenario, plant=replace(scenario.plant, friction=friction)))
-    if scenario.plant.kind.endswith(".fmu") and friction != FRICTIONS[0]:
-        plant.set_parameter("friction", friction)  # pyright: ignore[reportAttributeAccessIssue] (see frictions_of)
-    return plant
+    return open_plant(replace(scenario, plant=replace(scenario.plant, friction=friction)))
 
 
 def tyre_limit(vehicle: VehicleParameters, friction: float) -> float:
@@ -147,7 +160,7 @@ def envelope(
     """Drive all cells.
 
     Args:
-        overrides: `key=value` of plant, vehicle and controller, as given to `--set`.
+        overrides: `key=value` of plant, vehicle and controller.buffer, as given to `--set`.
         jobs: Processes, -1 for one per core.
         speeds: In [m/s].
         shares: Of what the tyres hold.

@@ -1,5 +1,6 @@
 """Files that are complete or not there, in folders that are made only when all is well."""
 
+import errno
 import os
 import tempfile
 from collections.abc import Iterator
@@ -12,7 +13,11 @@ from sidestep.plant_models.errors import InputError
 
 @contextmanager
 def complete(file: Path) -> Iterator[TextIO]:
-    """A text file to write to, which takes its name only when all of it is there."""
+    """A text file to write to, which takes its name only when all of it is there; a device or a pipe is written to."""
+    if _is_special(file):
+        with file.open("w", newline="", encoding="utf-8") as stream:
+            yield stream
+        return
     part = file.with_name(f"{file.name}.part")
     try:
         with part.open("w", newline="", encoding="utf-8") as stream:
@@ -46,17 +51,37 @@ def written_file(file: Path, where: str) -> Iterator[None]:
         raise InputError(where, f"cannot write {str(file)!r} ({error.strerror})", "a writable file") from error
 
 
+def check_file(file: Path | None, where: str) -> None:
+    """See that a file can be written, before the work whose end it is; None is one that nobody asked for.
+
+    Raises:
+        InputError: It cannot, by the option or argument `where`.
+    """
+    if file is None:
+        return
+    with written_file(file, where):
+        if file.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        if not _is_special(file):
+            tempfile.TemporaryFile(dir=file.absolute().parent).close()
+
+
+def _is_special(file: Path) -> bool:
+    return file.exists() and not file.is_file() and not file.is_dir()
+
+
 @contextmanager
 def made(folder: Path) -> Iterator[None]:
-    """Make a folder and see that it takes files; undone if what follows fails."""
-    new = [path for path in (folder, *folder.parents) if not path.exists()]
+    """Make a folder and see that it takes files; undone if what follows fails and has left nothing in it."""
+    new: list[Path] = []
     try:
         with written_to(folder):
+            new += [path for path in (folder, *folder.parents) if not path.exists()]
             folder.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=folder).close()
         yield
-    except InputError:
-        for path in new:
+    except BaseException:
+        for path in new:  # those that are empty
             with suppress(OSError):
                 path.rmdir()
         raise

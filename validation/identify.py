@@ -1,6 +1,5 @@
 """`sidestep identify`: k_f, k_r and I_z of a plant, and the vehicle file that the controller then uses."""
 
-import errno
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,9 +8,10 @@ from sidestep.controller.car_model import Car, axle_force
 from sidestep.plant_models.vehicle import VehicleParameters
 from sidestep.validation.console import progress_bar
 from sidestep.validation.envelope import open_loop_scenario
-from sidestep.validation.files import write_text, written_file
+from sidestep.validation.files import check_file, write_text, written_file
 from sidestep.validation.identification import DRIVES, PARAMETERS, SIGNALS, UNITS, Identification, identify
 from sidestep.validation.limits import new_table, show
+from sidestep.validation.measurement import measured
 from sidestep.validation.open_loop import drive
 from sidestep.validation.plants import open_plant
 from sidestep.validation.vehicle_file import vehicle_toml
@@ -36,15 +36,15 @@ def identify_plant(overrides: Sequence[str], out: Path, command_line: str) -> in
     Raises:
         InputError, PlantError: The plant cannot be used, or the file not be written.
     """
-    scenario, responses = open_loop_scenario(overrides), []
+    scenario, responses = open_loop_scenario(overrides, noisy=True), []
     with written_file(out, "--out"):
         out.parent.mkdir(parents=True, exist_ok=True)
-        if out.is_dir():
-            raise IsADirectoryError(errno.EISDIR, "Is a directory")
+    check_file(out, "--out")
     with open_plant(scenario) as plant, progress_bar(f"driving {scenario.plant.name}", len(DRIVES)) as progress:
         for done, manoeuvre in enumerate(DRIVES):
             progress(done)
-            responses.append(drive(plant, manoeuvre, scenario.vehicle, commands=COMMANDS))
+            response = drive(plant, manoeuvre, scenario.vehicle, commands=COMMANDS)
+            responses.append(measured(response, scenario.plant.noise, (scenario.plant.noise_seed, done)))
     found = identify(responses, scenario.vehicle)
     _print(found, scenario.vehicle)
     if found.problem:

@@ -1,5 +1,6 @@
 """An append-only file of JSON lines that outlives a killed process: a head, then a line for every row that is done."""
 
+import errno
 import fcntl
 import json
 import os
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from sidestep.plant_models.errors import InputError
+from sidestep.validation.files import written_file
 
 Row = dict[str, Any]
 
@@ -20,12 +22,17 @@ class Journal:
         rows: In the order in which they were done.
     """
 
-    def __init__(self, descriptor: int, rows: list[Row]):
-        self._descriptor, self.rows = descriptor, rows
+    def __init__(self, file: Path, descriptor: int, rows: list[Row]):
+        self._file, self._descriptor, self.rows = file, descriptor, rows
 
     def append(self, row: Row) -> None:
-        """Add a row: one write, on the disk before this returns."""
-        _write(self._descriptor, row)
+        """Add a row: one write, on the disk before this returns.
+
+        Raises:
+            InputError: The disk is full.
+        """
+        with written_file(self._file, "--out"):
+            _write(self._descriptor, row)
         self.rows.append(row)
 
 
@@ -49,12 +56,13 @@ def open_journal(file: Path, head: Mapping[str, Any]) -> Iterator[Journal]:
         os.ftruncate(descriptor, file.read_bytes().rfind(b"\n") + 1)
         lines = _lines(file)
         if not lines:
-            _write(descriptor, dict(head))
+            with written_file(file, "--out"):
+                _write(descriptor, dict(head))
         elif _essential(lines[0]) != _essential(json.loads(json.dumps(head))):
             raise InputError(
                 str(file), "holds the rows of another specification", "another folder, or none of its kind"
             )
-        yield Journal(descriptor, lines[1:])
+        yield Journal(file, descriptor, lines[1:])
     finally:
         os.close(descriptor)
 
@@ -90,7 +98,9 @@ def _essential(head: Mapping[str, Any]) -> Row:
 
 
 def _write(descriptor: int, row: Row) -> None:
-    os.write(descriptor, json.dumps(row, allow_nan=False).encode() + b"\n")
+    line = json.dumps(row, allow_nan=False).encode() + b"\n"
+    if os.write(descriptor, line) < len(line):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     os.fsync(descriptor)
 
 

@@ -10,6 +10,7 @@ from sidestep.validation.driven_manoeuvres import DRIVEN, driven_manoeuvre
 from sidestep.validation.envelope import open_loop_scenario
 from sidestep.validation.files import made
 from sidestep.validation.handling import figures_of, overlay, ratings
+from sidestep.validation.junit import JunitCase, write_junit
 from sidestep.validation.limits import new_table, show
 from sidestep.validation.manoeuvres import MANOEUVRES, Manoeuvre
 from sidestep.validation.open_loop import RESPONSE_UNITS, Response, drive
@@ -27,13 +28,14 @@ def list_manoeuvres() -> int:
     return 0
 
 
-def run_manoeuvre(name: str, overrides: Sequence[str], out: Path) -> int:
-    """Run every drive of a manoeuvre; print its figures; of open-loop ones write signals and pictures.
+def run_manoeuvre(name: str, overrides: Sequence[str], out: Path, junit: Path | None = None) -> int:
+    """Run every drive of a manoeuvre; print its figures; of open-loop ones, which have no verdict, write signals.
 
     Args:
         name: One that `list_manoeuvres` prints.
         overrides: `key=value`, as given to `--set`.
-        out: Folder for the files.
+        out: Folder for signals and pictures.
+        junit: File for the verdicts as test cases, if any.
 
     Returns:
         Exit status: 0, or 1 if the controller drove it and failed.
@@ -50,6 +52,9 @@ def run_manoeuvre(name: str, overrides: Sequence[str], out: Path) -> int:
         verdict = "[green]PASS[/]" if result.passed else "[red]FAIL[/]"
         table.add_row(result.name, verdict, result.text)
     show(table)
+    if junit:
+        cases = [JunitCase(f"sidestep.validate.{name}", r.name, "" if r.passed else r.text) for r in results]
+        write_junit(junit, "sidestep validate", cases)
     return 0 if all(result.passed for result in results) else 1
 
 

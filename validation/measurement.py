@@ -1,19 +1,33 @@
-"""What the controller is told of the state: the truth, or the truth with noise and an offset."""
+"""What sensors tell of a plant: the truth, or the truth with noise and an offset."""
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import astuple
 
 import numpy as np
 
 from sidestep.controller import Plan, SteeringController
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
+from sidestep.validation.recording import Array
 from sidestep.validation.scenario import Scenario
 
 _ANGLE, _STEER_ANGLE = math.radians(0.1), math.radians(0.02)
 NOISE = VehicleState(x=0.02, y=0.02, yaw=_ANGLE, v_x=0.03, v_y=0.03, yaw_rate=_ANGLE, steer_angle=_STEER_ANGLE)
 """Standard deviations, white from step to step: the order of a good satellite and inertial navigation system."""
 
+FITTED_NOISE = {"yaw_rate": _ANGLE, "lateral_acceleration": 0.03}
+"""The same of what identification fits, in [rad/s] and, of an accelerometer, in [m/s^2]."""
+
 _DEVIATIONS = np.array(astuple(NOISE))
+
+
+def measured(drive: Mapping[str, Array], noise: float, seed: Sequence[int]) -> dict[str, Array]:
+    """An open-loop drive whose fitted signals have `noise` times their noise; its steering and start are known."""
+    random = np.random.default_rng(seed)
+    return dict(drive) | {
+        name: drive[name] + noise * deviation * random.standard_normal(len(drive[name]))
+        for name, deviation in FITTED_NOISE.items()
+    }
 
 
 class ImperfectMeasurement:

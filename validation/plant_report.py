@@ -23,9 +23,11 @@ from sidestep.validation.envelope_figure import MODEL_TITLES, envelope_chart, li
 from sidestep.validation.evidence import Evidence, Table
 from sidestep.validation.files import made, write_text
 from sidestep.validation.handling import bode, figures_of, overlay
+from sidestep.validation.junit import JunitCase, write_junit
 from sidestep.validation.limits import new_table, show
 from sidestep.validation.manoeuvres import MANOEUVRES, Manoeuvre
 from sidestep.validation.metrics import asymmetry
+from sidestep.validation.mujoco_validation import Check
 from sidestep.validation.open_loop import Response, drive
 from sidestep.validation.plants import open_plant
 from sidestep.validation.prediction_error import HORIZON_TIME
@@ -33,6 +35,7 @@ from sidestep.validation.prediction_models import MODELS
 from sidestep.validation.rating import rate
 from sidestep.validation.scenario import Scenario
 from sidestep.validation.summary import strict_json
+from sidestep.validation.validate import evidence_of, junit_cases
 
 REQUIRED, SLOWEST = 3.0, 7.5
 """The controller's model must hold up to this lateral acceleration [m/s^2] from this speed [m/s] on, on a dry road."""
@@ -58,17 +61,18 @@ NOT_COVERED = (
 
 def validate_plant(
     overrides: Sequence[str], out: Path, command_line: str, jobs: int = -1, quick: bool = False,
-    checks: Sequence[Evidence] = (),
+    checks: Sequence[Check] = (), junit: Path | None = None,
 ) -> int:  # fmt: skip
     """Measure the envelope and all that stands behind it; write report, figures and validity.json.
 
     Args:
-        overrides: `key=value` of plant, vehicle and controller, as given to `--set`.
+        overrides: `key=value` of plant, vehicle and controller.buffer, as given to `--set`.
         out: Folder for the files.
         command_line: For the report.
         jobs: Processes, -1 for one per core.
         quick: Fewer cells.
-        checks: Further evidence, such as a plant's own checks.
+        checks: The plant's own, which are further evidence.
+        junit: File for the verdicts as test cases, if any.
 
     Returns:
         Exit status: 0 if the controller's model holds where it must and all evidence passes.
@@ -79,9 +83,16 @@ def validate_plant(
     scenario = open_loop_scenario(overrides)
     with made(out):
         found = envelope(overrides, jobs, *((QUICK_SPEEDS, QUICK_SHARES) if quick else (SPEEDS, SHARES)))
-    evidence = [*headline(found, scenario), *_looked_at_closely(scenario), *checks]
+    own = [*headline(found, scenario), *_looked_at_closely(scenario)]
+    evidence = [*own, *evidence_of(checks)]
     passed = all(item.passed for item in evidence if item.passed is not None)
     sentence = verdict(found)
+    if junit:
+        reasons = [sentence, *(item.note for item in own[1:])]
+        judged = [(item, why) for item, why in zip(own, reasons, strict=True) if item.passed is not None]
+        group = f"sidestep.validate.{found.plant}"
+        cases = [JunitCase(group, item.title, "" if item.passed else why) for item, why in judged]
+        write_junit(junit, "sidestep validate", [*cases, *junit_cases(checks)])
     write_text(out / "validity.json", strict_json({"command_line": command_line} | found.as_tables()))
     for name, item in zip(("envelope-straight", "envelope-curved", "limits"), evidence, strict=False):
         if item.figure:

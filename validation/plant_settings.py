@@ -19,7 +19,7 @@ class PlantSettings:
 
     Attributes:
         kind: linear, single-track, double-track, mujoco, or an .fmu file, found from the scenario file's folder.
-        friction: Road friction as a factor on the tyres' peak.
+        friction: Road friction as a factor on the tyres' peak; of an .fmu file its parameter `friction`.
         tyre: What shears the tyres of MuJoCo's car, see `MujocoPlant`.
         grade, bank: Rise of its road per metre along x and along y.
         patches: Patches of other friction on its road; tables of `FrictionPatch` in the file.

@@ -61,7 +61,8 @@ def _bare_plant(scenario: Scenario) -> Plant:
         from sidestep.fmu.fmu_plant import FmuPlant
         from sidestep.fmu.isolation import IsolatedPlant
 
-        build = partial(FmuPlant.from_file, Path(settings.kind), Path(settings.map) if settings.map else None, vehicle)
+        mapping = Path(settings.map) if settings.map else None
+        build = partial(FmuPlant.from_file, Path(settings.kind), mapping, vehicle, settings.friction)
         return IsolatedPlant(build, settings.isolate) if settings.isolate else build()
     problem = f"unknown plant {settings.kind!r}{did_you_mean(settings.kind, PLANT_KINDS)}"
     raise InputError("plant.kind", problem, f"{', '.join(PLANT_KINDS)}, or an .fmu file")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from sidestep.validation.evidence import Evidence, Table
 from sidestep.validation.files import written_to
+from sidestep.validation.junit import JunitCase
 from sidestep.validation.limits import new_table, show
 from sidestep.validation.mujoco_drive import long_drive
 from sidestep.validation.mujoco_validation import Check, validate_mujoco
@@ -30,8 +31,20 @@ def evidence_of(checks: Sequence[Check]) -> list[Evidence]:
     return [Evidence("Checks of the MuJoCo car", "", None, table, all(c.passed for c in checks), "The plant itself")]
 
 
+def junit_cases(checks: Sequence[Check]) -> list[JunitCase]:
+    """One for each check."""
+    return [
+        JunitCase(
+            "sidestep.validate.checks",
+            c.name,
+            "" if c.passed else f"{c.value:.3g}, limit {c.limit:g} {c.unit}".rstrip(),
+        )
+        for c in checks
+    ]
+
+
 def write_figures(out: Path) -> None:
-    """Figures of the MuJoCo car's tyres and manoeuvres.
+    """Figures of the MuJoCo car's tyres and manoeuvres, into a folder that is there.
 
     Raises:
         InputError: The folder cannot be written.
@@ -39,7 +52,6 @@ def write_figures(out: Path) -> None:
     from sidestep.validation.mujoco_figures import axle_forces, manoeuvres
 
     with written_to(out):
-        out.mkdir(parents=True, exist_ok=True)
         for name, figure in (("mujoco-axle-force", axle_forces()), ("mujoco-manoeuvres", manoeuvres())):
             figure.savefig(out / f"{name}.png", dpi=110)
             print(f"figure: {out / f'{name}.png'}")

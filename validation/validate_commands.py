@@ -2,10 +2,11 @@
 
 import argparse
 import time
+from contextlib import nullcontext
 from pathlib import Path
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.arguments import add_jobs
+from sidestep.validation.arguments import add_jobs, refuse_beside
 
 
 def add_validate(commands: argparse._SubParsersAction) -> None:
@@ -19,6 +20,7 @@ def add_validate(commands: argparse._SubParsersAction) -> None:
     validate.add_argument("--quick", action="store_true", help="fewer cells")
     add_jobs(validate)
     validate.add_argument("--out", type=Path, metavar="DIR", help="default: runs/<time>-validate")
+    validate.add_argument("--junit", type=Path, metavar="FILE", help="also write every verdict as a test case")
     validate.set_defaults(command=_validate)
     identify = commands.add_parser("identify", help="a plant's cornering stiffnesses and yaw inertia")
     _add_plant(identify, "single-track")
@@ -34,39 +36,52 @@ def _add_plant(parser: argparse.ArgumentParser, plant: str) -> None:
     parser.add_argument("--map", type=Path, metavar="MAP.toml", help="mapping file of an FMU that is not ours")
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
-        help="as of `run`: vehicle.file=car.toml, plant.friction=0.6; may be repeated",
+        help="as of `run`, of vehicle and plant: vehicle.file=car.toml, plant.stiffness=0.9; may be repeated",
     )  # fmt: skip
 
 
 def _validate(options: argparse.Namespace) -> int:
     from sidestep.validation.cli import plant_overrides
+    from sidestep.validation.files import check_file, made
 
+    given = {"--junit": options.junit, "--out": options.out}
+    cells = {"--quick": options.quick, "--jobs": options.jobs}
+    changes = {"--set": options.overrides, "--map": options.map}
     if options.manoeuvres:
         from sidestep.validation.manoeuvre_run import list_manoeuvres
 
+        refuse_beside("--manoeuvres", given | cells | changes)
         return list_manoeuvres()
+    check_file(options.junit, "--junit")
     out = options.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-validate"
     overrides = [*options.overrides, *plant_overrides(options)]
     if options.manoeuvre:
         from sidestep.validation.manoeuvre_run import run_manoeuvre
+        from sidestep.validation.manoeuvres import MANOEUVRES
 
-        return run_manoeuvre(options.manoeuvre, overrides, out)
-    from sidestep.validation.envelope import open_loop_scenario
-    from sidestep.validation.plants import open_plant
-    from sidestep.validation.validate import checks_of, evidence_of, write_figures
+        unused = "--junit" if options.manoeuvre in MANOEUVRES else "--out"
+        refuse_beside(f"--manoeuvre {options.manoeuvre}", cells | {unused: given[unused]})
+        return run_manoeuvre(options.manoeuvre, overrides, out, options.junit)
+    from sidestep.validation.envelope import frictions_of, open_loop_scenario
+    from sidestep.validation.junit import write_junit
+    from sidestep.validation.plant_report import validate_plant
+    from sidestep.validation.validate import checks_of, junit_cases, write_figures
 
-    if options.checks and options.plant != "mujoco":
-        raise InputError("--plant", f"no checks for {options.plant!r}", "mujoco")
-    with open_plant(open_loop_scenario(overrides)):
-        pass  # a bad key, file or setting shows here, before checks that take minutes
-    checks = checks_of(options.plant)
+    if options.checks:
+        refuse_beside("--checks", cells | changes)
+        if options.plant != "mujoco":
+            raise InputError("--plant", f"no checks for {options.plant!r}", "mujoco")
+    else:
+        frictions_of(open_loop_scenario(overrides))  # what is wrong shows here, before checks that take minutes
+    with made(out) if options.out or not options.checks else nullcontext():
+        checks = checks_of(options.plant)
     if checks and options.out:
         write_figures(out)
-    if options.checks:
-        return 0 if all(check.passed for check in checks) else 1
-    from sidestep.validation.plant_report import validate_plant
-
-    return validate_plant(overrides, out, options.command_line, options.jobs, options.quick, evidence_of(checks))
+    if not options.checks:
+        return validate_plant(overrides, out, options.command_line, options.jobs, options.quick, checks, options.junit)
+    if options.junit:
+        write_junit(options.junit, "sidestep validate", junit_cases(checks))
+    return 0 if all(check.passed for check in checks) else 1
 
 
 def _identify(options: argparse.Namespace) -> int:
