@@ -2,6 +2,7 @@
 
 import math
 
+import cantools.database
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,6 +16,27 @@ from sidestep.controller.can_port.adapters import (
     encode_tesla,
 )
 
+SOURCES = """VERSION ""
+BU_: X
+BO_ 1160 Tesla: 4 X
+ SG_ Haptic : 7|1@0+ (1,0) [0|0] "" X
+ SG_ Angle : 6|15@0+ (0.1,-1638.35) [0|0] "deg" X
+ SG_ Type : 23|2@0+ (1,0) [0|0] "" X
+ SG_ Counter : 19|4@0+ (1,0) [0|0] "" X
+ SG_ Checksum : 31|8@0+ (1,0) [0|0] "" X
+BO_ 979 Ford: 8 X
+ SG_ Curvature : 7|11@0+ (2E-005,-0.02) [0|0] "1/m" X
+ SG_ Rate : 12|13@0+ (2.5E-007,-0.001024) [0|0] "1/m^2" X
+ SG_ Angle : 31|11@0+ (0.0005,-0.5) [0|0] "rad" X
+ SG_ Request : 36|3@0+ (1,0) [0|0] "" X
+ SG_ Offset : 47|10@0+ (0.01,-5.12) [0|0] "m" X
+BO_ 300 PACMod: 8 X
+ SG_ Enable : 0|1@0+ (1,0) [0|1] "" X
+ SG_ IgnoreOverrides : 1|1@0+ (1,0) [0|1] "" X
+ SG_ ClearOverride : 2|1@0+ (1,0) [0|1] "" X
+ SG_ Position : 15|16@0- (0.001,0) [-32.768|32.767] "rad" X
+ SG_ Rate : 31|16@0+ (0.001,0) [0|65.535] "rad/s" X
+"""
 NOT_FINITE = (math.nan, math.inf, -math.inf)
 
 
@@ -34,6 +56,22 @@ def test_ford_vector():
 def test_pacmod_vector():
     assert encode_pacmod(-0.5, 3.3, True).hex() == "01fe0c0ce4000000"
     assert encode_pacmod(0.0, 0.0, False).hex() == "0000000000000000"
+    assert decode_pacmod(bytes.fromhex("01fe0c0ce4")) == decode_pacmod(bytes.fromhex("01fe0c0ce4000000"))
+
+
+def test_bits_are_those_of_the_sources():
+    """What the sources named in adapters.py say, as a database for cantools."""
+    dbc = cantools.database.load_string(SOURCES, "dbc")
+    tesla = dbc.decode_message(0x488, encode_tesla(0.5, True, 9))
+    assert tesla["Angle"] == pytest.approx(-math.degrees(0.5), abs=0.0501)
+    assert (tesla["Type"], tesla["Counter"], tesla["Haptic"]) == (1, 9, 0)
+    ford = dbc.decode_message(0x3D3, encode_ford(-0.0123, True))
+    assert ford["Curvature"] == pytest.approx(-0.0123, abs=1.001e-5)
+    assert ford["Request"] == 1
+    assert [ford[name] for name in ("Rate", "Angle", "Offset")] == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
+    pacmod = dbc.decode_message(0x12C, encode_pacmod(-1.234, 2.5, True))
+    assert (pacmod["Position"], pacmod["Rate"]) == pytest.approx((-1.234, 2.5))
+    assert (pacmod["Enable"], pacmod["IgnoreOverrides"], pacmod["ClearOverride"]) == (1, 0, 0)
 
 
 @given(st.floats(-28.0, 28.0), st.booleans(), st.integers(0, 100))

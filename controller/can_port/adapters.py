@@ -5,9 +5,15 @@
                                       path offset and curvature rate stay at their raw zeros
     PACMod3 STEERING_CMD 0x12C        steering-wheel angle and rate, 1 mrad and 1 mrad/s, positive to the left
 
-Sources: commaai/opendbc, opendbc/car/tesla/teslacan.py (sign, type, checksum), opendbc/car/ford/fordcan.py (sign, mode,
-ranges) and the raw zeros and scale of its Ford safety code; astuff/pacmod3_common, include/pacmod3_can_ids.h, and the
-message encoder of astuff/pacmod3.
+Every bit, step, offset and sign was compared with these:
+
+    Tesla   commaai/opendbc: 6|15@0+ (0.1,-1638.35), type 23|2@0+, counter 19|4@0+, checksum 31|8@0+; teslacan.py (sign,
+            checksum). Later firmware reads a third bit into the type, which stays 0 here, as teslacan.py sends it to
+            the earlier one.
+    Ford    commaai/opendbc: safety/modes/ford.h (bytes, raw zeros, 50000 steps per 1/m; compared with yaw rate over
+            speed without a change of sign), car/ford/fordcan.py (mode, ranges).
+    PACMod  astuff/pacmod_dbc: as_pacmod.dbc (15|16@0- and 31|16@0+, 0.001; 5 bytes; counterclockwise is positive);
+            the driver astuff/pacmod3 fills the frame up to 8 bytes, and so does this one.
 
 Out of range saturates; a value that is not finite, or enable = False, gives the frame that asks for nothing.
 """
@@ -93,8 +99,8 @@ def encode_pacmod(angle: float, rate: float, enable: bool) -> bytes:
 
 
 def decode_pacmod(data: bytes) -> WheelAngle | None:
-    """The angle of a frame; None if the length does not fit."""
-    if len(data) != 8:
+    """The angle of a frame of 5 or 8 bytes; None if the length does not fit."""
+    if len(data) not in (5, 8):
         return None
     position = int.from_bytes(data[1:3], "big", signed=True)
     return WheelAngle(position * 1e-3, bool(data[0] & 1), int.from_bytes(data[3:5], "big") * 1e-3)
