@@ -1,7 +1,8 @@
 """What the controller knows of the car: inertia, geometry, actuator and axle forces.
 
-An axle is two tyres at half its static load. Its force is either linear in the slip angle, as in the paper,
-or the Magic Formula, which the prediction replaces by its tangent at the slip angle of the last plan.
+An axle is two tyres at half its static load, or more and less when the body rolls. Its force is either linear
+in the slip angle, as in the paper, or the Magic Formula, which the prediction replaces by its tangent at the
+slip angle of the last plan.
 """
 
 import math
@@ -11,6 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from sidestep.controller.roll import Body
 from sidestep.plant_models.tyre import magic_formula
 from sidestep.plant_models.vehicle import GRAVITY, VehicleParameters
 
@@ -18,6 +20,8 @@ SLOPE_STEP = 1e-5
 """Half the step of the central difference that gives a tangent, in [rad]."""
 PEAK_STEP = 5e-4
 """Accuracy of the peak's slip angle, in [rad]."""
+MOST_MOVED = 0.45
+"""Share of an axle's load that can go from one wheel to the other: with half of it the inner wheel lifts."""
 LEAST_SHARE = 0.05
 """A tangent is at least this share of the slope at zero slip: steering must keep its effect beyond the peak."""
 
@@ -29,6 +33,7 @@ class Car(NamedTuple):
         affine: Whether axle forces are tangents to the Magic Formula; linear in the slip angle if not.
         tyre: See TyreParameters.as_array.
         friction: That the controller believes, as a factor on the tyre's peak.
+        body: How it rolls.
     """
 
     mass: float
@@ -45,10 +50,11 @@ class Car(NamedTuple):
     affine: bool
     tyre: NDArray[np.void]
     friction: float
+    body: Body = Body()
 
     @classmethod
-    def of(cls, vehicle: VehicleParameters, affine: bool, friction: float) -> "Car":
-        """The car of a vehicle file."""
+    def of(cls, vehicle: VehicleParameters, affine: bool, friction: float, body: Body | None = None) -> "Car":
+        """The car of a vehicle file; without `body` nothing rolls."""
         per_length = vehicle.mass * GRAVITY / vehicle.wheelbase
         return cls(
             mass=vehicle.mass, yaw_inertia=vehicle.yaw_inertia, l_f=vehicle.l_f, l_r=vehicle.l_r,
@@ -56,15 +62,27 @@ class Car(NamedTuple):
             lag=vehicle.steer_time_constant, load_f=per_length * vehicle.l_r, load_r=per_length * vehicle.l_f,
             steer_limit=vehicle.steer_limit, rate_limit=vehicle.steer_rate_limit,
             affine=affine, tyre=vehicle.tyre.as_array(), friction=friction,
+            body=body or Body(),
         )  # fmt: skip
 
 
 @njit(cache=True, nogil=True)
-def axle_force(slip, stiffness, load, car):
-    """Lateral force of an axle, in [N], at a slip angle in [rad]; `stiffness` [N/rad] and `load` [N] of the axle."""
+def axle_force(slip, stiffness, load, car, moved=0.0):
+    """Lateral force of an axle, in [N].
+
+    Args:
+        slip: Slip angle, in [rad].
+        stiffness, load: Of the axle, in [N/rad] and [N].
+        car: Car.
+        moved: Load that went from one wheel to the other, in [N]; none of it counts with linear tyres.
+    """
     if not car.affine:
         return stiffness * slip
-    return 2.0 * magic_formula(0.0, slip, 0.5 * load, car.friction, car.tyre)[1]
+    if moved == 0.0:
+        return 2.0 * magic_formula(0.0, slip, 0.5 * load, car.friction, car.tyre)[1]
+    moved = min(abs(moved), MOST_MOVED * load)
+    force = magic_formula(0.0, slip, 0.5 * load + moved, car.friction, car.tyre)[1]
+    return force + magic_formula(0.0, slip, 0.5 * load - moved, car.friction, car.tyre)[1]
 
 
 @njit(cache=True, nogil=True)
@@ -74,12 +92,15 @@ def least_slope(stiffness, load, car):
 
 
 @njit(cache=True, nogil=True)
-def tangent(slip, least, stiffness, load, car):
-    """Slope [N/rad], not below `least`, and force at zero slip [N] of the line that touches the axle's force."""
+def tangent(slip, least, stiffness, load, car, moved=0.0):
+    """Slope [N/rad], not below `least`, and force at zero slip [N] of the line that touches the axle's force.
+
+    Arguments as of `axle_force`.
+    """
     if not car.affine:
         return stiffness, 0.0
-    below = axle_force(slip - SLOPE_STEP, stiffness, load, car)
-    above = axle_force(slip + SLOPE_STEP, stiffness, load, car)
+    below = axle_force(slip - SLOPE_STEP, stiffness, load, car, moved)
+    above = axle_force(slip + SLOPE_STEP, stiffness, load, car, moved)
     slope = max((above - below) / (2.0 * SLOPE_STEP), least)
     return slope, 0.5 * (above + below) - slope * slip
 

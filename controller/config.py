@@ -35,6 +35,8 @@ class ControllerConfig:
         corridor_penalty, slip_penalty: Linear cost of leaving the corridor [1/m] or the slip bound [1/rad].
         tyre_model: "affine" takes tangents to the Magic Formula about the last plan, "linear" the
             cornering stiffness of the paper.
+        body_roll: Predict how the body rolls, and what tyres feel of it, from the vehicle's suspension data: for
+            real cars and plants with springs; a single-track car does not roll.
         friction: Road friction that the controller believes, as a factor on the tyre's peak.
         slip_share: Bound on front and rear slip angle, as a share of the angle at which the axle peaks.
         validity: File of `sidestep validate` (validity.json): slip angles then also stay where lateral acceleration
@@ -73,6 +75,7 @@ class ControllerConfig:
     corridor_penalty: float = 300.0
     slip_penalty: float = 300.0
     tyre_model: str = "affine"
+    body_roll: bool = False
     friction: float = 1.0
     slip_share: float = 0.8
     validity: str = ""
@@ -132,6 +135,7 @@ _POSITIVE = (
 _CHOICES: dict[str, tuple[str, ...] | tuple[bool, ...]] = {
     "formulation": ("corridor", "paper"),
     "tyre_model": ("affine", "linear"),
+    "body_roll": (True, False),
     "estimate_friction": (True, False),
     "reject_disturbance": (True, False),
 }

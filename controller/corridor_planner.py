@@ -7,9 +7,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from sidestep.controller.config import ControllerConfig
 from sidestep.controller.corridor import footprint_bounds, obstacle_polygons, path_reference
 from sidestep.controller.planner import FREE, LAYERS, PlannedPath, arrival_times, layer_spacing, plan_path
 from sidestep.plant_models.clothoid import curvature_at
+from sidestep.plant_models.vehicle import VehicleParameters
 
 Array = NDArray[np.float64]
 
@@ -19,6 +21,8 @@ VIEW_MARGIN = 10.0
 """Beyond the lattice and behind the car, in [m], up to which obstacles are looked at."""
 SLOPE_TIME = 0.3
 """Half the time over which the path's slope is averaged, in [s]."""
+TIGHTENING_TIME = 0.5
+"""Time ahead from which on the full tightening is asked, in [s]."""
 
 
 class NodeGrid(NamedTuple):
@@ -34,6 +38,17 @@ class NodeGrid(NamedTuple):
     steps: Array
     clearance: Array
     levers: tuple[float, float]
+
+    @classmethod
+    def of(cls, vehicle: VehicleParameters, c: ControllerConfig, times: Array) -> "NodeGrid":
+        """The nodes of a configuration, at these times in [s]."""
+        literal = c.formulation == "paper"  # bounds the centre point only, and by nothing more than (13)
+        tightening = 0.0 if literal else c.tightening
+        return cls(
+            times=times, steps=np.diff(times, prepend=0.0),
+            clearance=0.5 * vehicle.width + c.buffer + tightening * np.minimum(times / TIGHTENING_TIME, 1.0),
+            levers=(0.0, 0.0) if literal else (vehicle.front_extent, -vehicle.rear_extent),
+        )  # fmt: skip
 
 
 class Corridor(NamedTuple):

@@ -11,8 +11,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from sidestep.controller.car_model import Car
+from sidestep.controller.config import ControllerConfig
 from sidestep.controller.prediction import STATES, Prediction, grid, linearise
 from sidestep.controller.qp import NEAREST, RESERVE, SLACKS, add_violated, condense, fill_cost, fill_lines, fill_rows
+from sidestep.plant_models.vehicle import VehicleParameters
 
 Array = NDArray[np.float64]
 
@@ -89,17 +91,17 @@ class Solution(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def _fill(x0, speed, path, heading, turn_rate, bounds, times, states, age, disturbance, slip_limits, moves, car,
+def _fill(x0, speed, path, heading, turn_rate, bounds, times, states, roll, age, disturbance, slip_limits, moves, car,
           grid, force_times, weights, limits, first, slip_nodes, soft, free, response, forces, lines, cost,
           rows):  # fmt: skip
     period, level, block, group = grid
-    linearise(force_times + age, times, states, speed, disturbance, car, forces)
+    linearise(force_times + age, times, states, roll, speed, disturbance, car, forces)
     condense(x0, speed, car, period, level, block, group, forces, turn_rate, free, response)
     fill_cost(speed, car, period, level, block, group, forces, path, heading, weights, free, response,
               cost[0], cost[1])  # fmt: skip
     values, slopes, low, high = lines
-    fill_lines(speed, car, limits.levers, bounds, first, slip_nodes, slip_limits, limits.steer, block, free, response,
-               values, slopes, low, high)  # fmt: skip
+    fill_lines(speed, car, limits.levers, bounds, first, slip_nodes, slip_limits, limits.steer, block, group, forces,
+               free, response, values, slopes, low, high)  # fmt: skip
     fill_rows(moves, soft, values, slopes, low, high, rows[0], rows[1], rows[2])
 
 
@@ -173,7 +175,7 @@ class Mpc:
         begins = np.searchsorted(self.group, np.arange(int(self.group[-1]) + 2))
         edges = np.concatenate([[0.0], self.times])[begins]
         self._force_times: Array = 0.5 * (edges[1:] + edges[:-1])
-        self.forces = np.empty((len(self._force_times), 4))
+        self.forces = np.empty((len(self._force_times), 5))
         self._grid = (period, self.level, self.block, self.group)
         self._limits, self._weights, self._line_nodes = limits, weights, (first, slip_nodes)
         self._prediction = (np.zeros((nodes, STATES)), np.zeros((nodes, STATES, moves)))
@@ -181,6 +183,16 @@ class Mpc:
         self._reduced = _Rows(moves, NEAREST + RESERVE, limits.rate)
         self._full = _Rows(moves, 2 * count, limits.rate)
         self.reset()
+
+    @classmethod
+    def of(cls, vehicle: VehicleParameters, c: ControllerConfig) -> "Mpc":
+        """For a car and a configuration."""
+        weights = MpcWeights(
+            c.weight_offset, c.weight_lateral_speed, c.weight_acceleration, c.weight_jerk, c.weight_rate,
+            c.corridor_penalty, c.slip_penalty,
+        )  # fmt: skip
+        levers = (vehicle.front_extent, -vehicle.rear_extent)
+        return cls(c.period, weights, Limits(vehicle.steer_limit, vehicle.steer_rate_limit, levers))
 
     @property
     def problem(self) -> Problem:

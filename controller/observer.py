@@ -14,6 +14,7 @@ from numba import njit
 
 from sidestep.controller.car_model import axle_force, slip_angles
 from sidestep.controller.prediction import SLOWEST
+from sidestep.controller.roll import felt, lateral_acceleration
 
 DISTURBANCE_TIME = 0.8
 """Time constant of the disturbance estimate, in [s]."""
@@ -58,18 +59,19 @@ def real_forces(before, now, v, period, car):
     Returns:
         Front and rear force, in [N].
     """
-    lateral = car.mass * v * ((now[2] - before[2]) / period + 0.5 * (now[3] + before[3]))
+    lateral = car.mass * lateral_acceleration(before, now, v, period)
     moment = car.yaw_inertia * (now[3] - before[3]) / period
     wheelbase = car.l_f + car.l_r
     return (car.l_r * lateral + moment) / wheelbase, (car.l_f * lateral - moment) / wheelbase
 
 
 @njit(cache=True, nogil=True)
-def _model_forces(before, now, v, car):
+def _model_forces(before, now, roll, v, car):
     middle = 0.5 * (before + now)
-    front, rear = slip_angles(middle[2], middle[3], middle[4], v, car)
-    force_f = axle_force(front, car.stiffness_f, car.load_f, car)
-    return front, rear, force_f, axle_force(rear, car.stiffness_r, car.load_r, car)
+    aside, moved_f, moved_r = felt(roll[0], roll[1], car.body)
+    front, rear = slip_angles(middle[2] + aside / v, middle[3], middle[4], v, car)
+    force_f = axle_force(front, car.stiffness_f, car.load_f, car, moved_f)
+    return front, rear, force_f, axle_force(rear, car.stiffness_r, car.load_r, car, moved_r)
 
 
 @njit(cache=True, nogil=True)
@@ -78,13 +80,14 @@ def _towards(estimate, target, gain, limit):
 
 
 @njit(cache=True, nogil=True)
-def observe_disturbance(estimate, before, now, speed, period, car, slip_limits):
+def observe_disturbance(estimate, before, now, roll, speed, period, car, slip_limits):
     """One step of the disturbance observer.
 
     Args:
         estimate: Disturbance of the step before.
         before, now: States of `prediction` at the last and this step, shape (6,); before[5] is the command
             that was in force in between.
+        roll: Roll angle and rate meanwhile, in [rad] and [rad/s].
         speed: v, in [m/s].
         period: Between the two states, in [s].
         car: Car.
@@ -100,7 +103,7 @@ def observe_disturbance(estimate, before, now, speed, period, car, slip_limits):
     if abs(now[4] - before[4]) < 0.9 * car.rate_limit * period:
         towards = (now[4] - before[4] * left) / (1.0 - left)  # the angle that the actuator went for
         angle = _towards(angle, towards - before[5], gain, MAX_ANGLE)
-    slip_f, slip_r, model_f, model_r = _model_forces(before, now, v, car)
+    slip_f, slip_r, model_f, model_r = _model_forces(before, now, roll, v, car)
     if abs(slip_f) < LINEAR_SHARE * slip_limits[0] and abs(slip_r) < LINEAR_SHARE * slip_limits[1]:
         real_f, real_r = real_forces(before, now, v, period, car)
         front = _towards(front, real_f - model_f, gain, MAX_FORCE_SHARE * car.load_f)
@@ -109,7 +112,7 @@ def observe_disturbance(estimate, before, now, speed, period, car, slip_limits):
 
 
 @njit(cache=True, nogil=True)
-def observe_friction(before, now, speed, period, car, slip_limits, believed):
+def observe_friction(before, now, roll, speed, period, car, slip_limits, believed):
     """One step of the estimate of the friction's upper bound.
 
     Where the tyres are used, the force that the car really has bounds the friction from above: less than the
@@ -117,13 +120,13 @@ def observe_friction(before, now, speed, period, car, slip_limits, believed):
 
     Args:
         before, now: States of `prediction` at the last and this step, shape (6,).
-        speed, period: In [m/s] and [s].
+        roll, speed, period: As of `observe_disturbance`.
         car: Car, whose friction is the estimate of the step before.
         slip_limits: Front and rear at that friction, in [rad].
         believed: The estimate never exceeds this.
     """
     v = max(speed, SLOWEST)
-    slip_f, _, model_f, model_r = _model_forces(before, now, v, car)
+    slip_f, _, model_f, model_r = _model_forces(before, now, roll, v, car)
     real_f, real_r = real_forces(before, now, v, period, car)
     if abs(slip_f) > UTILISED * slip_limits[0] and model_f * model_r > 0.0:
         share = (real_f + real_r) / (model_f + model_r) + MODEL_ERROR

@@ -21,6 +21,7 @@ class Plan(NamedTuple):
         l: Planned lateral offset, shape (S,), in [m].
         left, right: Corridor (13) for the car's centre at `s`, shape (S,), in [m].
         states: Predicted [l_s, e_phi, beta, gamma, delta, delta_c], shape (N + 1, 6).
+        roll: Predicted roll angle and rate, shape (N + 1, 2), in [rad] and [rad/s]; zeros without `body_roll`.
         states_s: Stations of `states`, shape (N + 1,), in [m].
         states_time: Times of `states` from now, shape (N + 1,), in [s].
         solver_status: In the solver's words; "INPUT" if the input kept it from being asked.
@@ -41,6 +42,7 @@ class Plan(NamedTuple):
     left: Array
     right: Array
     states: Array
+    roll: Array
     states_s: Array
     states_time: Array
     solver_status: str
@@ -57,3 +59,14 @@ class Plan(NamedTuple):
     stop_distance: float = math.inf
     target_speed: float = 0.0
     sides: tuple[int, ...] = ()
+
+    @classmethod
+    def empty(cls, times: Array) -> "Plan":
+        """What there is before the first state: a FAULT at standstill, at the node times in [s]."""
+        nothing, count = np.zeros(0), len(times)
+        return cls(
+            time=0.0, status=Status.FAULT, s=nothing, l=nothing, left=nothing, right=nothing,
+            states=np.zeros((count, 6)), roll=np.zeros((count, 2)), states_s=np.zeros(count), states_time=times,
+            solver_status="", iterations=0, primal_residual=0.0, dual_residual=0.0, slack_corridor=0.0,
+            slack_slip=0.0, feasible=False, plan_us=0.0, build_us=0.0, solve_us=0.0, step_us=0.0,
+        )  # fmt: skip

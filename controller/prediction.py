@@ -13,6 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from sidestep.controller.car_model import axle_force, least_slope, slip_angles, tangent
+from sidestep.controller.roll import advance_roll, felt, lateral_acceleration
 
 STATES, WIDTH = 6, 10
 RATE, TURN, FRONT, REAR = 6, 7, 8, 9
@@ -37,11 +38,13 @@ class Prediction(NamedTuple):
 
     Attributes:
         times, states: Shapes (K,), in [s] from then, and (K, 6).
+        roll: Roll angle and rate, shape (K, 2), in [rad] and [rad/s]; positive to the right.
         age: Time since then, in [s].
     """
 
     times: NDArray[np.float64]
     states: NDArray[np.float64]
+    roll: NDArray[np.float64]
     age: float
 
 
@@ -143,33 +146,37 @@ def double(e):
 
 
 @njit(cache=True, nogil=True)
-def linearise(times, states_time, states, speed, disturbance, car, lines):
+def linearise(times, states_time, states, roll, speed, disturbance, car, lines):
     """Axle forces as lines through the slip angles of an earlier prediction.
 
     Args:
         times: When the lines are needed, in the clock of that prediction, shape (G,), in [s].
-        states_time, states: That prediction, shapes (K,) and (K, 6).
+        states_time, states, roll: That prediction, shapes (K,), (K, 6) and (K, 2).
         speed: v, in [m/s].
         disturbance: Forces to add at front and rear axle, in [N].
         car: Car.
-        lines: Filled: slope and force at zero slip, front and rear, shape (G, 4), in [N/rad] and [N].
+        lines: Filled: slope and force at zero slip, front and rear, in [N/rad] and [N], and what roll takes
+            from both slip angles, in [rad]; shape (G, 5).
     """
     v = max(speed, SLOWEST)
     least_f, least_r = least_slope(car.stiffness_f, car.load_f, car), least_slope(car.stiffness_r, car.load_r, car)
     for g in range(times.shape[0]):
         i = min(np.searchsorted(states_time, times[g]), states_time.shape[0] - 1)
-        front, rear = slip_angles(states[i, 2], states[i, 3], states[i, 4], v, car)
-        slope_f, force_f = tangent(front, least_f, car.stiffness_f, car.load_f, car)
-        slope_r, force_r = tangent(rear, least_r, car.stiffness_r, car.load_r, car)
-        lines[g, 0], lines[g, 1] = slope_f, force_f + disturbance[0]
-        lines[g, 2], lines[g, 3] = slope_r, force_r + disturbance[1]
+        aside, moved_f, moved_r = felt(roll[i, 0], roll[i, 1], car.body)
+        aside /= v
+        front, rear = slip_angles(states[i, 2] + aside, states[i, 3], states[i, 4], v, car)
+        slope_f, force_f = tangent(front, least_f, car.stiffness_f, car.load_f, car, moved_f)
+        slope_r, force_r = tangent(rear, least_r, car.stiffness_r, car.load_r, car, moved_r)
+        lines[g, 0], lines[g, 1] = slope_f, force_f - slope_f * aside + disturbance[0]
+        lines[g, 2], lines[g, 3] = slope_r, force_r - slope_r * aside + disturbance[1]
+        lines[g, 4] = aside
 
 
 @njit(cache=True, nogil=True)
-def _rates(x, v, turn_rate, disturbance, command, car):
-    front, rear = slip_angles(x[2], x[3], x[4], v, car)
-    force_f = axle_force(front, car.stiffness_f, car.load_f, car) + disturbance[0]
-    force_r = axle_force(rear, car.stiffness_r, car.load_r, car) + disturbance[1]
+def _rates(x, feels, v, turn_rate, disturbance, command, car):
+    front, rear = slip_angles(x[2] + feels[0] / v, x[3], x[4], v, car)
+    force_f = axle_force(front, car.stiffness_f, car.load_f, car, feels[1]) + disturbance[0]
+    force_r = axle_force(rear, car.stiffness_r, car.load_r, car, feels[2]) + disturbance[1]
     rates = np.empty(STATES)
     rates[0] = v * (x[1] + x[2])
     rates[1] = x[3] - turn_rate
@@ -184,11 +191,12 @@ def _rates(x, v, turn_rate, disturbance, command, car):
 
 
 @njit(cache=True, nogil=True)
-def advance(state, speed, turn_rate, disturbance, commands, period, car):
+def advance(state, roll, speed, turn_rate, disturbance, commands, period, car):
     """Simulate the nonlinear model through commands that are already on their way (RK4).
 
     Args:
         state: Shape (6,).
+        roll: Roll angle and rate, in [rad] and [rad/s].
         speed, turn_rate: Of the car, in [m/s], and of the road, in [rad/s]; held.
         disturbance: Forces to add at front and rear axle, in [N].
         commands: Angles in the order in which they take effect, shape (d,), in [rad].
@@ -196,7 +204,7 @@ def advance(state, speed, turn_rate, disturbance, commands, period, car):
         car: Car.
 
     Returns:
-        The state after d periods, shape (6,).
+        State, shape (6,), and roll after d periods.
     """
     x, v = state.copy(), max(speed, SLOWEST)
     fastest = (car.stiffness_f + car.stiffness_r) / (car.mass * v)  # of the poles at zero slip, nearly
@@ -207,12 +215,14 @@ def advance(state, speed, turn_rate, disturbance, commands, period, car):
         if car.lag <= 1e-3:
             x[4] = command
         for _ in range(steps):
-            k1 = _rates(x, v, turn_rate, disturbance, command, car)
-            k2 = _rates(x + 0.5 * h * k1, v, turn_rate, disturbance, command, car)
-            k3 = _rates(x + 0.5 * h * k2, v, turn_rate, disturbance, command, car)
-            k4 = _rates(x + h * k3, v, turn_rate, disturbance, command, car)
-            x += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-    return x
+            feels = felt(roll[0], roll[1], car.body)
+            k1 = _rates(x, feels, v, turn_rate, disturbance, command, car)
+            k2 = _rates(x + 0.5 * h * k1, feels, v, turn_rate, disturbance, command, car)
+            k3 = _rates(x + 0.5 * h * k2, feels, v, turn_rate, disturbance, command, car)
+            k4 = _rates(x + h * k3, feels, v, turn_rate, disturbance, command, car)
+            before, x = x, x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+            roll = advance_roll(roll[0], roll[1], lateral_acceleration(before, x, v, h), h, car.body)
+    return x, roll
 
 
 @njit(cache=True, nogil=True)

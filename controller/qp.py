@@ -47,7 +47,7 @@ def condense(x0, speed, car, period, level, block, group, forces, turn_rate, fre
         car: Car.
         period: Shortest step, in [s]; step k lasts period 2^level[k] and uses move block[k] and line group[k].
         level, block, group: Shape (N,).
-        forces: Axle forces as lines, see `prediction.linearise`, shape (G, 4).
+        forces: Axle forces as lines, see `prediction.linearise`, shape (G, 5).
         turn_rate: Heading rate of the road during each step, shape (N,), in [rad/s].
         free, response: Filled, shapes (N, 6) and (N, 6, moves).
     """
@@ -100,7 +100,7 @@ def fill_cost(speed, car, period, level, block, group, forces, path, heading, we
         w_l, w_e, w_a = dt * weights.offset, dt * weights.lateral_speed * v * v, dt * weights.acceleration
         r_l, r_e = free[k, 0] - path[k], free[k, 1] - heading[k]
         # a_y is the sum of the axle forces over the mass
-        slope_f, force_f, slope_r, force_r = forces[group[k]]
+        slope_f, force_f, slope_r, force_r, _ = forces[group[k]]
         a_beta, a_delta = -(slope_f + slope_r) / car.mass, slope_f / car.mass
         a_gamma = (car.l_r * slope_r - car.l_f * slope_f) / (car.mass * v)
         r_a = a_beta * free[k, 2] + a_gamma * free[k, 3] + a_delta * free[k, 4] + (force_f + force_r) / car.mass
@@ -120,8 +120,8 @@ def fill_cost(speed, car, period, level, block, group, forces, path, heading, we
 
 
 @njit(cache=True, nogil=True)
-def fill_lines(speed, car, levers, bounds, first, slip_nodes, slip_limits, steer_limit, block, free, response, lines,
-               slopes, low, high):  # fmt: skip
+def fill_lines(speed, car, levers, bounds, first, slip_nodes, slip_limits, steer_limit, block, group, forces, free,
+               response, lines, slopes, low, high):  # fmt: skip
     """Bounded lines: footprint ends from node `first` on (slack 0), slip angles (slack 1), commanded angles (none).
 
     Args:
@@ -131,7 +131,7 @@ def fill_lines(speed, car, levers, bounds, first, slip_nodes, slip_limits, steer
         slip_limits: Front and rear, in [rad].
         steer_limit: In [rad].
         lines, slopes, low, high: Filled: value without moves, its slope, bounds; shapes (L,), (L, moves), (L,), (L,).
-        speed, car, block, free, response: See `condense`.
+        speed, car, block, group, forces, free, response: See `condense`.
     """
     v = max(speed, SLOWEST)
     i = 0
@@ -147,7 +147,8 @@ def fill_lines(speed, car, levers, bounds, first, slip_nodes, slip_limits, steer
         lines[i + 1] = car.l_r / v * free[k, 3] - free[k, 2]
         slopes[i + 1] = car.l_r / v * response[k, 3] - response[k, 2]
         for axle in range(2):
-            low[i + axle], high[i + axle] = -slip_limits[axle], slip_limits[axle]
+            aside = forces[group[k], 4]
+            low[i + axle], high[i + axle] = aside - slip_limits[axle], aside + slip_limits[axle]
         i += 2
     for k in range(block.shape[0]):
         if k == block.shape[0] - 1 or block[k + 1] != block[k]:

@@ -11,19 +11,20 @@ from numpy.typing import NDArray
 from sidestep.controller.car_model import Car, peak_slip
 from sidestep.controller.config import ControllerConfig
 from sidestep.controller.corridor_planner import Corridor, NodeGrid, plan_corridor
-from sidestep.controller.mpc import Limits, Mpc, MpcWeights, Problem, Solution
+from sidestep.controller.mpc import Mpc, Problem, Solution
 from sidestep.controller.observer import Disturbance, observe_disturbance, observe_friction
 from sidestep.controller.paper import PaperMpc
 from sidestep.controller.plan import Plan
 from sidestep.controller.planner import FREE, PlannedPath, PlannerSettings
-from sidestep.controller.prediction import Prediction, advance
-from sidestep.controller.stopping import approach_speed
+from sidestep.controller.prediction import SLOWEST, Prediction, advance
+from sidestep.controller.roll import Body, advance_roll, lateral_acceleration, roll_ahead
+from sidestep.controller.stopping import approach_speed, spare_braking
 from sidestep.controller.validity import Validity
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import ReferencePath
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
 from sidestep.plant_models.speed_control import SPEED_GAIN
-from sidestep.plant_models.vehicle import GRAVITY, VehicleParameters
+from sidestep.plant_models.vehicle import VehicleParameters
 
 Array = NDArray[np.float64]
 
@@ -31,15 +32,12 @@ FEASIBLE_SLACK = 1e-3
 """Corridor slack up to which a step counts as feasible, in [m]."""
 SHIFTED_PLAN_TIME = 0.2
 """How long the last good plan is followed when the QP fails, in [s]; longer than that is a FAULT."""
-TIGHTENING_TIME = 0.5
-"""Time ahead from which on the full tightening is asked, in [s]."""
 PLANNER_REACH = 0.3
 """Stretch of road that the planner checks to both sides of a station, in lengths of the car."""
 SLOWING_SHARE = 0.5
 """Share of the buffer that a prediction may use up, beside the tightening, before the car slows down for it."""
-GRIP_SHARE, SWERVE_TIME, LEAST_BRAKING = 0.9, 0.6, 1.0
-"""Share of friction times gravity that braking and swerving share, how far ahead the swerve is looked at [s],
-and the braking that is always left [m/s^2]: the tyres give no more in both directions together."""
+SWERVE_TIME = 0.6
+"""How far ahead the swerve counts that braking must leave grip for, in [s]."""
 CREEP_SPEED = 2.0
 """Speed left when the corridor cannot be held: standing still, the car would never come back into it, in [m/s]."""
 OBSERVED_SPEED = 3.0
@@ -48,7 +46,7 @@ TRUSTED_SLIP = 0.05
 """Excess over the slip bound, in [rad], from which on a prediction is nothing to take tangents at: they would only
 lead deeper into it."""
 _MEMORY = ("plan", "_good", "_command", "_heard", "_sent", "_station", "_cruise", "_sides", "_held_up", "_before",
-           "_disturbance")  # fmt: skip
+           "_disturbance", "_roll")  # fmt: skip
 STANDSTILL = 0.1
 """Speed below which the wheels are not turned, in [m/s]."""
 
@@ -68,15 +66,16 @@ class SteeringController:
             [(o.s, o.l, o.length, o.width, o.heading, o.speed) for o in self.obstacles], dtype=np.float64
         ).reshape(-1, 6)
         c = self.config
+        self._body = Body.of(vehicle) if c.body_roll else None
         self._validity = Validity.of(c)
         self._mpc: Mpc | PaperMpc
         if c.formulation == "paper":
             valid = self._validity.by_speed(c.friction).min() if self._validity else math.inf
             self._mpc = PaperMpc(vehicle, c.weight_steer, min(c.max_lateral_acceleration, float(valid)))
         else:
-            self._mpc = _corridor_mpc(vehicle, c)
-        self._settings = _planner_settings(vehicle, self.config)
-        self._grid = _node_grid(vehicle, self.config, self._mpc.times)
+            self._mpc = Mpc.of(vehicle, c)
+        self._settings = _planner_settings(vehicle, c)
+        self._grid = NodeGrid.of(vehicle, c, self._mpc.times)
         self._node_times = np.concatenate([[0.0], self._mpc.times])
         self._swerve_nodes = int(np.searchsorted(self._node_times, SWERVE_TIME))
         self.reset()
@@ -94,6 +93,7 @@ class SteeringController:
         self._held_up = False
         self._before: tuple[float, Array] | None = None  # time and state of the last step
         self._disturbance = Disturbance()
+        self._roll = 0.0, 0.0
         self._believe(self.config.friction)
         self._mpc.reset()
 
@@ -119,7 +119,7 @@ class SteeringController:
             self._mpc.moves = moves
 
     def _believe(self, friction: float) -> None:
-        self._car = Car.of(self.vehicle, self.config.tyre_model == "affine", friction)
+        self._car = Car.of(self.vehicle, self.config.tyre_model == "affine", friction, self._body)
         share = self.config.slip_share
         self._slip_limits = (
             share * peak_slip(self._car.load_f, self._car),
@@ -167,10 +167,10 @@ class SteeringController:
         v = state.v_x
         if self._cruise is None:
             self._cruise = v
-        s, x0 = self._locate(state)
+        s, x0, roll = self._locate(state)
         good = self._good
         if good and good.slack_slip < TRUSTED_SLIP:
-            before = Prediction(good.states_time, good.states, state.time - good.time)
+            before = Prediction(good.states_time, good.states, good.roll, state.time - good.time)
         else:
             before = _lasting(x0)
         corridor = self._plan_corridor(s, x0[0], state, before)
@@ -182,14 +182,14 @@ class SteeringController:
         self._sides = np.where(undecided, self._sides, corridor.path.sides)
         if v < STANDSTILL:
             solution.states[1:, 5] = x0[5]
-        plan = self._plan(state, s, corridor.path, solution, stop_distance, target, began, planned)
+        plan = self._plan(state, s, roll, corridor.path, solution, stop_distance, target, began, planned)
         if not solution.solved or not np.isfinite(solution.states).all():
             return self._fall_back(state.time, solution.status, plan)
         self._good = plan
         return plan
 
-    def _locate(self, state: VehicleState) -> tuple[float, Array]:
-        """Station and prediction state at the time when the next command takes effect."""
+    def _locate(self, state: VehicleState) -> tuple[float, Array, tuple[float, float]]:
+        """Station, prediction state and roll at the time when the next command takes effect."""
         v, config = state.v_x, self.config
         s, l, heading = self.path.project(state.x, state.y, self._station)  # noqa: E741
         self._station = s
@@ -203,22 +203,28 @@ class SteeringController:
         x[5] += self._disturbance.angle
         pending = np.array(self._sent[1:]) + self._disturbance.angle
         if len(pending) == 0:
-            return s, x
+            return s, x, self._roll
         s += v * config.period * len(pending)
         turn_rate = v * self.path.curvature(s)
-        return s, advance(x, v, turn_rate, self._disturbance[1:], pending, config.period, self._car)
+        x, roll = advance(x, self._roll, v, turn_rate, self._disturbance[1:], pending, config.period, self._car)
+        return s, x, roll
 
     def _observe(self, state: VehicleState, x: Array) -> None:
         """Learn from how the last step really went."""
         before, self._before = self._before, (state.time, x.copy())
+        rolled, self._roll = self._roll, (0.0, 0.0)
         config = self.config
         if before is None or state.v_x < OBSERVED_SPEED:
             return
-        if not 0.5 * config.period < state.time - before[0] < 1.5 * config.period:
+        passed = state.time - before[0]
+        if not 0.5 * config.period < passed < 1.5 * config.period:
             return
         start = before[1].copy()
         start[5] = self._sent[0]  # what was in force since
-        step = state.v_x, state.time - before[0], self._car, self._slip_limits
+        if self._body:
+            lateral = lateral_acceleration(start, x, state.v_x, passed)
+            self._roll = advance_roll(*rolled, lateral, passed, self._body)
+        step = self._roll, state.v_x, passed, self._car, self._slip_limits
         if config.reject_disturbance:
             self._disturbance = Disturbance(*observe_disturbance(self._disturbance, start, x, *step))
         if config.estimate_friction:
@@ -236,7 +242,7 @@ class SteeringController:
     def _plan_corridor(self, s: float, l: float, state: VehicleState, before: Prediction) -> Corridor:  # noqa: E741
         path, offset, slope, turn_rate, bounds, gap, gap_speed = plan_corridor(
             s, l, state.v_x, self._cruise or 0.0, state.time, self._boxes, self.path.table, self.path.period,
-            self._sides, self._held_up, self._settings, self._grid, *before,
+            self._sides, self._held_up, self._settings, self._grid, before.times, before.states, before.age,
         )  # fmt: skip
         return Corridor(PlannedPath(*path), offset, slope, turn_rate, bounds, gap, gap_speed)
 
@@ -251,22 +257,18 @@ class SteeringController:
             target = min(target, max(approach_speed(room, 0.0, config.comfort_braking), CREEP_SPEED))
         if self._command:  # slowing that comes and goes from step to step would only waste grip
             target = min(target, max(self._command.target_speed, v) + config.comfort_braking * config.period)
-        return max(target, v - self._spare_braking(solution, v) / SPEED_GAIN), max(distance, 0.0)
+        swerve = v * float(np.abs(solution.states[: self._swerve_nodes, 3]).max())
+        return max(target, v - spare_braking(swerve, self._car.friction) / SPEED_GAIN), max(distance, 0.0)
 
-    def _spare_braking(self, solution: Solution, v: float) -> float:
-        """Deceleration that the tyres have left beside what the next moments of the swerve take, in [m/s^2]."""
-        ahead = np.abs(solution.states[: self._swerve_nodes, 3]).max()
-        grip = GRIP_SHARE * self._car.friction * GRAVITY
-        return math.sqrt(max(grip * grip - (v * float(ahead)) ** 2, LEAST_BRAKING**2))
-
-    def _plan(self, state: VehicleState, s: float, path: PlannedPath, solution: Solution, stop_distance: float,
-              target: float, began: float, planned: float) -> Plan:  # fmt: skip
+    def _plan(self, state: VehicleState, s: float, roll: tuple[float, float], path: PlannedPath, solution: Solution,
+              stop_distance: float, target: float, began: float, planned: float) -> Plan:  # fmt: skip
         feasible = solution.solved and solution.slack_corridor <= FEASIBLE_SLACK
         status = Status.TRACKING if feasible and solution.slack_slip <= FEASIBLE_SLACK else Status.DEGRADED
         return Plan(
             time=state.time, status=Status.BLOCKED if path.blocker != FREE else status,
             s=s + path.stations, l=path.offsets, left=path.left, right=path.right,
-            states=solution.states, states_s=s + state.v_x * self._node_times, states_time=self._node_times,
+            states=solution.states, roll=self._roll_ahead(roll, solution.states, state.v_x),
+            states_s=s + state.v_x * self._node_times, states_time=self._node_times,
             solver_status=solution.status, iterations=solution.iterations,
             primal_residual=solution.primal_residual, dual_residual=solution.dual_residual,
             slack_corridor=solution.slack_corridor, slack_slip=solution.slack_slip, feasible=feasible,
@@ -275,11 +277,16 @@ class SteeringController:
             stop_distance=stop_distance, target_speed=target, sides=tuple(path.sides.tolist()),
         )  # fmt: skip
 
+    def _roll_ahead(self, roll: tuple[float, float], states: Array, v: float) -> Array:
+        if self._body is None:
+            return np.zeros((len(states), 2))
+        return roll_ahead(*roll, self._node_times, states, max(v, SLOWEST), self._body)
+
     def _fall_back(self, now: float, solver_status: str, failed: Plan | None = None) -> Plan:
         """The last good plan shifted to now; when that is too old, hold the angle and slow down."""
         good, last = self._good, self._command
         age = now - good.time if good else math.inf
-        base = failed or good or self._empty_plan()
+        base = failed or good or Plan.empty(self._node_times)
         held = last.steer_angle if last else 0.0
         if good is not None and age <= SHIFTED_PLAN_TIME + 1e-9:
             later = good.states_time + age
@@ -295,39 +302,10 @@ class SteeringController:
             target_speed=target,
         )  # fmt: skip
 
-    def _empty_plan(self) -> Plan:
-        times = self._node_times
-        nothing = np.zeros(0)
-        return Plan(
-            time=0.0, status=Status.FAULT, s=nothing, l=nothing, left=nothing, right=nothing,
-            states=np.zeros((len(times), 6)), states_s=np.zeros(len(times)), states_time=times,
-            solver_status="", iterations=0, primal_residual=0.0, dual_residual=0.0, slack_corridor=0.0,
-            slack_slip=0.0, feasible=False, plan_us=0.0, build_us=0.0, solve_us=0.0, step_us=0.0,
-        )  # fmt: skip
-
 
 def _lasting(x0: Array) -> Prediction:
     """What the first step goes by: the present state, for ever."""
-    return Prediction(np.zeros(1), x0[None], 0.0)
-
-
-def _corridor_mpc(vehicle: VehicleParameters, c: ControllerConfig) -> Mpc:
-    weights = MpcWeights(
-        c.weight_offset, c.weight_lateral_speed, c.weight_acceleration, c.weight_jerk, c.weight_rate,
-        c.corridor_penalty, c.slip_penalty,
-    )  # fmt: skip
-    levers = (vehicle.front_extent, -vehicle.rear_extent)
-    return Mpc(c.period, weights, Limits(vehicle.steer_limit, vehicle.steer_rate_limit, levers))
-
-
-def _node_grid(vehicle: VehicleParameters, c: ControllerConfig, times: Array) -> NodeGrid:
-    literal = c.formulation == "paper"  # bounds the centre point only, and by nothing more than (13)
-    tightening = 0.0 if literal else c.tightening
-    return NodeGrid(
-        times=times, steps=np.diff(times, prepend=0.0),
-        clearance=0.5 * vehicle.width + c.buffer + tightening * np.minimum(times / TIGHTENING_TIME, 1.0),
-        levers=(0.0, 0.0) if literal else (vehicle.front_extent, -vehicle.rear_extent),
-    )  # fmt: skip
+    return Prediction(np.zeros(1), x0[None], np.zeros((1, 2)), 0.0)
 
 
 def _planner_settings(vehicle: VehicleParameters, c: ControllerConfig) -> PlannerSettings:

@@ -1,10 +1,15 @@
-"""Stopping before what blocks the road: how fast the car may still be."""
+"""Stopping before what blocks the road: how fast the car may still be, and how hard it can brake."""
 
 import math
+
+from sidestep.plant_models.vehicle import GRAVITY
 
 SPEED_RESPONSE = 1.0
 """Response time assumed of the plant's speed control, in [s]: twice that of our plants, which keeps the last
 metres from overshooting."""
+GRIP_SHARE, LEAST_BRAKING = 0.9, 1.0
+"""Share of friction times gravity that braking and swerving share, and the braking that is always left [m/s^2]: the
+tyres give no more in both directions together."""
 GAP_TIME = 2.0
 """Time in which a gap that is too small is opened again, in [s]."""
 
@@ -27,3 +32,9 @@ def approach_speed(distance: float, obstacle_speed: float, braking: float) -> fl
         return max(ahead + distance / GAP_TIME, 0.0)
     lead = braking * SPEED_RESPONSE
     return ahead + math.sqrt(lead * lead + 2.0 * braking * distance) - lead
+
+
+def spare_braking(lateral: float, friction: float) -> float:
+    """Deceleration that the tyres have left beside a lateral acceleration; both in [m/s^2]."""
+    grip = GRIP_SHARE * friction * GRAVITY
+    return math.sqrt(max(grip * grip - lateral * lateral, LEAST_BRAKING**2))

@@ -93,12 +93,9 @@ def model_values(model: Model, vehicle: VehicleParameters, friction: float) -> d
 
 
 def _suspension_values(car: SuspensionParameters) -> dict[str, float]:
-    """Of an axle with springs at both wheels: half the track squared times both."""
     values = {name: getattr(car, name) for name, *_ in _SUSPENSION[:3]}
     for axle in _AXLES:
-        lever = 0.5 * getattr(car, f"track_{axle}") ** 2
-        stiffness = getattr(car, f"spring_{axle}") * lever + getattr(car, f"anti_roll_{axle}")
-        values |= {f"roll_stiffness_{axle}": stiffness, f"roll_damping_{axle}": getattr(car, f"damper_{axle}") * lever}
+        values[f"roll_stiffness_{axle}"], values[f"roll_damping_{axle}"] = car.roll_of_axle(axle)
     return values
 
 

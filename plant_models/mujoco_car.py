@@ -27,7 +27,7 @@ _TRAVEL = 0.08  # of the suspension, either way, [m]
 _STOP_STIFFNESS, _STOP_DAMPING = 2.0e5, 2.0e3  # [N/m], [N s/m]
 _STEER_STIFFNESS = 3.0e5  # [N m/rad]
 _DELAY_SAMPLES = 4000  # of the steering's delay line, per second: no step of the car is shorter
-_HULL_BOTTOM, _HULL_TOP, _OBSTACLE_TOP = 0.15, 0.9, 1.5  # [m]; up to the belt line: the cabin above is narrower
+_HULL_BOTTOM, _HULL_TOP = 0.15, 0.9  # [m]; up to the belt line: the cabin above is narrower
 
 _SOFT = 1e-4  # MuJoCo's least impedance: a constraint this soft is a plain spring and damper
 _FRICTION_RATIO = 5.0  # impratio of the tuned contact; its shear is too small by _SOFT times this, and more
@@ -103,9 +103,9 @@ def _add_road(spec: mujoco.MjSpec, heights: HeightField | None) -> None:
 
 def _add_obstacle(spec: mujoco.MjSpec, index: int, obstacle: Obstacle) -> None:
     body = spec.worldbody.add_body(name=f"obstacle{index}", mocap=True)
-    size = [obstacle.length / 2.0, obstacle.width / 2.0, _OBSTACLE_TOP / 2.0]
+    size = [obstacle.length / 2.0, obstacle.width / 2.0, obstacle.height / 2.0]
     body.add_geom(
-        name=f"obstacle{index}", type=mjtGeom.mjGEOM_BOX, size=size, pos=[0.0, 0.0, _OBSTACLE_TOP / 2.0],
+        name=f"obstacle{index}", type=mjtGeom.mjGEOM_BOX, size=size, pos=[0.0, 0.0, obstacle.height / 2.0],
         contype=2, conaffinity=2, rgba=[0.8, 0.1, 0.1, 1.0],
     )  # fmt: skip
 

@@ -55,6 +55,12 @@ class SuspensionParameters:
         if self.steer_delay >= 1.0:
             raise InputError("vehicle.suspension.steer_delay", f"{self.steer_delay} s", "0 <= value < 1")
 
+    def roll_of_axle(self, axle: str) -> tuple[float, float]:
+        """Roll stiffness [N m/rad] of springs and anti-roll bar, and roll damping [N m s/rad], of "front" or "rear"."""
+        lever = 0.5 * getattr(self, f"track_{axle}") ** 2  # half the track squared times two wheels
+        stiffness = getattr(self, f"spring_{axle}") * lever + getattr(self, f"anti_roll_{axle}")
+        return stiffness, getattr(self, f"damper_{axle}") * lever
+
 
 @dataclass(frozen=True)
 class VehicleParameters:

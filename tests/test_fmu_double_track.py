@@ -61,7 +61,7 @@ def rates(state, steer_command, target_speed, car, friction):
         turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
         for side in (1, -1):
             y, load = side * track / 2, axle_load / 2 - side * transfer
-            u, w = turn.T @ [v_x - y * r, v_y + x * r]
+            u, w = turn.T @ [v_x - y * r, v_y + car.cg_height * roll_rate + x * r]
             law = (tyre if side > 0 else tyre.mirrored()).as_array()
             z, speed, dfz = slips[len(slip_rates)], math.hypot(u, w), load / tyre.nominal_load - 1
             d_x = max(tyre.p_dx1 + tyre.p_dx2 * dfz, 0.1) * friction * load
@@ -77,7 +77,7 @@ def rates(state, steer_command, target_speed, car, friction):
     turn = (min(max(steer_command, -car.steer_limit), car.steer_limit) - delta) / car.steer_time_constant
     return [
         v_x * math.cos(yaw) - v_y * math.sin(yaw), v_x * math.sin(yaw) + v_y * math.cos(yaw), r,
-        force[0] / car.mass + v_y * r, force[1] / car.mass + car.cg_height * roll_rates - v_x * r,
+        force[0] / car.mass + v_y * r, force[1] / car.mass - v_x * r,
         yaw_moment / car.yaw_inertia, roll_rate, roll_rates, *slip_rates,
         min(max(turn, -car.steer_rate_limit), car.steer_rate_limit),
     ]  # fmt: skip

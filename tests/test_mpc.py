@@ -36,7 +36,7 @@ def case(mpc, seed):
     middle, width = rng.normal(0.0, 0.5, (2, n)).cumsum(axis=1) * 0.1, rng.uniform(0.2, 2.0, (2, n))
     bounds = np.stack([middle[0] - width[0], middle[0] + width[0], middle[1] - width[1], middle[1] + width[1]])
     path, turn_rate = rng.normal(0.0, 0.3, n), rng.normal(0.0, 0.05, n)
-    before = Prediction(mpc.times, rng.normal(0.0, [0.5, 0.05, 0.02, 0.1, 0.03, 0.03], (n, 6)), 0.0)
+    before = Prediction(mpc.times, rng.normal(0.0, [0.5, 0.05, 0.02, 0.1, 0.03, 0.03], (n, 6)), np.zeros((n, 2)), 0.0)
     disturbance = tuple(rng.normal(0.0, 200.0, 2))
     return x0, 15.0, path, np.zeros(n), turn_rate, bounds, before, disturbance, (0.1, 0.1), CAR
 
@@ -101,7 +101,7 @@ def test_prediction_is_the_simulated_model():
     solution = mpc.solve(x0, v, path, heading, turn_rate, *rest, car)
     x, before = x0.copy(), 0.0
     for k, t in enumerate(mpc.times):
-        slope_f, force_f, slope_r, force_r = mpc.forces[mpc.group[k]]
+        slope_f, force_f, slope_r, force_r, _ = mpc.forces[mpc.group[k]]
         e = exponential(model_block(v, slope_f, slope_r, car), t - before)
         x = np.ascontiguousarray(e[:, :6]) @ x + e[:, RATE] * solution.z[mpc.block[k]]
         x += e[:, TURN] * turn_rate[k] + e[:, FRONT] * force_f + e[:, REAR] * force_r
@@ -114,7 +114,7 @@ def cost(mpc, states, z, v, path, heading):
     steps = np.diff(mpc.times, prepend=0.0) / 0.1
     terminal = np.where(np.arange(len(steps)) == len(steps) - 1, 3.0, 1.0)
     s = states[1:]
-    slope_f, force_f, slope_r, force_r = mpc.forces[mpc.group].T
+    slope_f, force_f, slope_r, force_r, _ = mpc.forces[mpc.group].T
     alpha_f = s[:, 4] - s[:, 2] - BMW.l_f * s[:, 3] / v
     alpha_r = -s[:, 2] + BMW.l_r * s[:, 3] / v
     a_y = (force_f + slope_f * alpha_f + force_r + slope_r * alpha_r) / BMW.mass

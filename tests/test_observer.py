@@ -18,6 +18,7 @@ from sidestep.plant_models.vehicle import VehicleParameters
 BMW = VehicleParameters.preset("bmw-320i")
 CAR = Car.of(BMW, True, 1.0)
 PERIOD, SPEED = 0.02, 15.0
+STILL = 0.0, 0.0  # no roll
 
 
 class World:
@@ -33,7 +34,9 @@ class World:
             x = self.x
             state = VehicleState(k * PERIOD, SPEED * k * PERIOD, x[0], x[1], SPEED, x[2] * SPEED, x[3], x[4])
             command = controller.step(state)
-            self.x = advance(x, SPEED, 0.0, self.forces, np.array([command.steer_angle + self.angle]), PERIOD, self.car)
+            self.x, _ = advance(
+                x, STILL, SPEED, 0.0, self.forces, np.array([command.steer_angle + self.angle]), PERIOD, self.car
+            )
             offsets.append(x[0])
         return np.array(offsets)
 
@@ -48,7 +51,7 @@ def limits(car=CAR):
 
 def test_real_forces_are_newtons():
     before = np.array([0.0, 0.0, 0.01, 0.1, 0.02, 0.02])
-    now = advance(before, SPEED, 0.0, (500.0, -200.0), np.array([0.02]), 1e-4, CAR)
+    now, _ = advance(before, STILL, SPEED, 0.0, (500.0, -200.0), np.array([0.02]), 1e-4, CAR)
     front, rear = slip_angles(before[2], before[3], before[4], SPEED, CAR)
     expected = (
         axle_force(front, CAR.stiffness_f, CAR.load_f, CAR) + 500.0,
@@ -64,8 +67,8 @@ def test_observer_finds_what_was_put_in():
         command = 0.01 * math.sin(0.01 * k)
         before = x.copy()
         before[5] = command
-        x = advance(x, SPEED, 0.0, truth[1:], np.array([command + truth.angle]), PERIOD, CAR)
-        estimate = Disturbance(*observe_disturbance(estimate, before, x, SPEED, PERIOD, CAR, limits()))
+        x, _ = advance(x, STILL, SPEED, 0.0, truth[1:], np.array([command + truth.angle]), PERIOD, CAR)
+        estimate = Disturbance(*observe_disturbance(estimate, before, x, STILL, SPEED, PERIOD, CAR, limits()))
     assert estimate.angle == pytest.approx(truth.angle, rel=0.01)
     assert estimate.front == pytest.approx(truth.front, rel=0.03)
     assert estimate.rear == pytest.approx(truth.rear, rel=0.03)
@@ -78,8 +81,8 @@ def test_observer_learns_nothing_from_a_perfect_model():
         command = 0.05 * math.sin(0.1 * k)
         before = x.copy()
         before[5] = command
-        x = advance(x, SPEED, 0.0, (0.0, 0.0), np.array([command]), PERIOD, CAR)
-        estimate = Disturbance(*observe_disturbance(estimate, before, x, SPEED, PERIOD, CAR, limits()))
+        x, _ = advance(x, STILL, SPEED, 0.0, (0.0, 0.0), np.array([command]), PERIOD, CAR)
+        estimate = Disturbance(*observe_disturbance(estimate, before, x, STILL, SPEED, PERIOD, CAR, limits()))
     assert abs(estimate.angle) < 1e-4
     assert abs(estimate.front) + abs(estimate.rear) < 20.0
 
@@ -114,13 +117,15 @@ def test_friction_bound_falls_when_the_road_gives_less_and_recovers_slowly():
         command = 0.12 * math.sin(0.06 * k)
         before = x.copy()
         before[5] = command
-        x = advance(x, SPEED, 0.0, (0.0, 0.0), np.array([command]), PERIOD, truth)
-        friction = observe_friction(before, x, SPEED, PERIOD, car, limits(car), 1.0)
+        x, _ = advance(x, STILL, SPEED, 0.0, (0.0, 0.0), np.array([command]), PERIOD, truth)
+        friction = observe_friction(before, x, STILL, SPEED, PERIOD, car, limits(car), 1.0)
         car = CAR._replace(friction=friction)
         history.append(friction)
     assert 0.45 < history[-1] < 0.65
     x[:] = 0.0
-    assert observe_friction(x, x, SPEED, PERIOD, car, limits(car), 1.0) == pytest.approx(friction + 0.01 * PERIOD)
+    assert observe_friction(x, x, STILL, SPEED, PERIOD, car, limits(car), 1.0) == pytest.approx(
+        friction + 0.01 * PERIOD
+    )
 
 
 @pytest.mark.closed_loop
@@ -129,8 +134,8 @@ def test_friction_bound_stays_where_the_model_is_right():
     for k in range(300):
         before = x.copy()
         before[5] = 0.12 * math.sin(0.06 * k)
-        x = advance(x, SPEED, 0.0, (0.0, 0.0), before[5:], PERIOD, CAR)
-        friction = observe_friction(before, x, SPEED, PERIOD, CAR._replace(friction=friction), limits(), 1.0)
+        x, _ = advance(x, STILL, SPEED, 0.0, (0.0, 0.0), before[5:], PERIOD, CAR)
+        friction = observe_friction(before, x, STILL, SPEED, PERIOD, CAR._replace(friction=friction), limits(), 1.0)
     assert friction > 0.97
 
 

@@ -76,26 +76,26 @@ def test_tangents_touch_the_magic_formula():
 
 
 def lines_of(times, *arguments):
-    lines = np.empty((len(times), 4))
+    lines = np.empty((len(times), 5))
     linearise(times, *arguments, lines)
     return lines
 
 
 def test_linear_car_has_the_same_line_everywhere():
     states = np.array([[0.0, 0.0, 0.05, 0.3, 0.1, 0.1]])
-    lines = lines_of(np.array([0.0, 1.0]), np.zeros(1), states, 15.0, (0.0, 0.0), LINEAR)
-    assert lines == pytest.approx(np.tile([LINEAR.stiffness_f, 0.0, LINEAR.stiffness_r, 0.0], (2, 1)))
+    lines = lines_of(np.array([0.0, 1.0]), np.zeros(1), states, np.zeros((1, 2)), 15.0, (0.0, 0.0), LINEAR)
+    assert lines == pytest.approx(np.tile([LINEAR.stiffness_f, 0.0, LINEAR.stiffness_r, 0.0, 0.0], (2, 1)))
 
 
 def test_disturbance_is_added_to_the_lines():
-    lines = lines_of(np.zeros(1), np.zeros(1), np.zeros((1, 6)), 15.0, (100.0, -50.0), AFFINE)
+    lines = lines_of(np.zeros(1), np.zeros(1), np.zeros((1, 6)), np.zeros((1, 2)), 15.0, (100.0, -50.0), AFFINE)
     assert lines[0, [1, 3]] == pytest.approx([100.0, -50.0])
 
 
 def test_lines_follow_the_prediction_in_time():
     states = np.zeros((3, 6))
     states[:, 4] = [0.0, 0.05, 0.1]  # steering more and more: the front tyre softens
-    lines = lines_of(np.array([0.0, 1.0, 2.0, 9.0]), np.arange(3.0), states, 15.0, (0.0, 0.0), AFFINE)
+    lines = lines_of(np.array([0.0, 1.0, 2.0, 9.0]), np.arange(3.0), states, np.zeros((3, 2)), 15.0, (0.0, 0.0), AFFINE)
     assert np.all(np.diff(lines[:3, 0]) < 0.0)
     assert lines[3] == pytest.approx(lines[2])
 
@@ -105,7 +105,7 @@ def test_lines_follow_the_prediction_in_time():
 def test_advance_is_the_nonlinear_model(car, lag):
     car = car._replace(lag=lag)
     start, commands, v = np.array([0.3, 0.02, 0.01, 0.1, 0.03, 0.03]), np.array([0.034, 0.025]), 15.0
-    there = advance(start, v, 0.15, (80.0, -30.0), commands, 0.02, car)
+    there, _ = advance(start, (0.0, 0.0), v, 0.15, (80.0, -30.0), commands, 0.02, car)
     x = start[:5].copy()
     for command in commands:
         if lag == 0.0:
@@ -127,13 +127,15 @@ def test_advance_is_the_nonlinear_model(car, lag):
 
 
 def test_actuator_rate_is_limited_on_the_way():
-    there = advance(np.zeros(6), 15.0, 0.0, (0.0, 0.0), np.array([1.0]), 0.02, LINEAR)
+    there, _ = advance(np.zeros(6), (0.0, 0.0), 15.0, 0.0, (0.0, 0.0), np.array([1.0]), 0.02, LINEAR)
     assert there[4] == pytest.approx(0.02 * BMW.steer_rate_limit)
 
 
 def test_nothing_on_its_way_changes_nothing():
     start = np.arange(6.0)
-    assert np.array_equal(advance(start, 15.0, 0.0, (0.0, 0.0), np.zeros(0), 0.02, LINEAR), start)
+    there, roll = advance(start, (0.1, 0.2), 15.0, 0.0, (0.0, 0.0), np.zeros(0), 0.02, LINEAR)
+    assert np.array_equal(there, start)
+    assert roll == (0.1, 0.2)
 
 
 @pytest.mark.parametrize("speed", [5.0, 15.0, 30.0])

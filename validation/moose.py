@@ -32,6 +32,8 @@ ENTRY, SECTIONS = 20.0, (12.0, 13.5, 11.0, 12.5, 12.0)
 """Station of the entry and lengths of the sections, in [m]; the first, third and fifth are lanes."""
 COASTING = 1e-6
 """What is left to the plant's speed control, in [m/s^2]."""
+CONE_HEIGHT = 0.5
+"""The least that the standard allows, in [m]."""
 SLOWEST, FASTEST, STEP, SCAN = 20.0, 110.0, 0.5, 5.0
 """Entry speeds that are tried: range, resolution, and spacing of the check below the highest, in [km/h]."""
 OFFSET_SPEED, OFFSET_ANGLE, OFFSET_LOSS = 50.0, math.radians(1.0), 0.03
@@ -57,6 +59,7 @@ class Case:
 
 CASES = (
     Case("default", required=68.0),
+    Case("body roll not known", ("controller.body_roll=false",)),
     Case("delay 0.1 s, known", ("controller.input_delay_steps=5",), 0.1, required=60.0),
     Case("delay 0.1 s, not known", (), 0.1),
     Case("friction 0.6, known", ("plant.friction=0.6", "controller.friction=0.6"), required=50.0),
@@ -64,6 +67,8 @@ CASES = (
     Case("linear tyres predicted", ("controller.tyre_model=linear",)),
     Case("paper", ("controller.preset=paper",)),
 )
+ROLLING = ("mujoco", "double-track")
+"""Plants with springs, of which the controller is told."""
 OFFSET_CASES = (Case("observed"), Case("not observed", ("controller.reject_disturbance=false",)))
 
 
@@ -168,7 +173,7 @@ def cones(width: float, road_right: float, road_left: float) -> tuple[Obstacle, 
     boxes = []
     for start, end, right, left in lanes(width):
         for low, high in ((road_right, right), (left, road_left)):
-            boxes.append(Obstacle((start + end) / 2.0, (low + high) / 2.0, end - start, high - low))
+            boxes.append(Obstacle((start + end) / 2.0, (low + high) / 2.0, end - start, high - low, height=CONE_HEIGHT))
     return tuple(boxes)
 
 
@@ -178,8 +183,9 @@ def scene(case: Case, plant: str, speed: float, overrides: Sequence[str] = ()) -
     Raises:
         InputError: Bad override.
     """
+    told = [f"controller.body_roll={str(plant in ROLLING).lower()}"]
     scenario = load_scenario(
-        "moose", [*overrides, *case.overrides, f"plant.kind={plant}", f"speed={speed / 3.6}"]
+        "moose", [*told, *overrides, *case.overrides, f"plant.kind={plant}", f"speed={speed / 3.6}"]
     )  # fmt: skip
     config = scenario.controller
     obstacles = cones(scenario.vehicle.width, -config.width_right, config.width_left)
@@ -241,8 +247,10 @@ def _offset(case: Case, plant: str, overrides: Sequence[str]) -> OffsetRow:
 
 
 def _possible(cases: Sequence[Case], plant: str) -> list[Case]:
-    """Without those that the plant has no notion of: linear tyres do not slide."""
-    return [case for case in cases if plant != "linear" or "plant.friction=0.6" not in case.overrides]
+    """Without those that the plant has no notion of: linear tyres do not slide, and not every plant rolls."""
+    unknown = [*(["plant.friction=0.6"] if plant == "linear" else []),
+               *([] if plant in ROLLING else ["controller.body_roll=false"])]  # fmt: skip
+    return [case for case in cases if not set(unknown) & set(case.overrides)]
 
 
 def _speed_table(rows: Sequence[MooseRow]) -> Table:

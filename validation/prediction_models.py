@@ -95,12 +95,13 @@ def _affine(start, speed, angles, turn_rate, step, rounds, car):
     result = np.empty((windows, steps, 4))
     times = step * np.arange(steps + 1)
     states = np.zeros((steps + 1, STATES))
-    lines, w = np.empty((steps, 4)), np.zeros(STATES + 4)
+    lines, w = np.empty((steps, 5)), np.zeros(STATES + 4)
+    roll = np.zeros((steps + 1, 2))
     for i in range(windows):
         v = speed[i]
         states[:] = 0.0  # tangents at zero slip first: the linear prediction with the stiffness of the Magic Formula
         for _ in range(rounds):
-            linearise(times[:-1] + 0.5 * step, times, states, v, np.zeros(2), car, lines)
+            linearise(times[:-1] + 0.5 * step, times, states, roll, v, np.zeros(2), car, lines)
             states[0, :4], states[0, 4], states[0, 5] = start[i], angles[i, 0], angles[i, 0]
             for k in range(steps):
                 generator = model_block(v, lines[k, 0], lines[k, 2], car)

@@ -1,6 +1,7 @@
 /* Car on four wheels that rolls; the equations are in documentation/index.html.
  *
- * Signs after ISO 8855: x forward, y left, z up. Positive roll is to the right, as in a turn to the left.
+ * Signs after ISO 8855: x forward, y left, z up. Positive roll is to the right, as in a turn to the left. x, y, v_x and
+ * v_y are those of the centre of gravity.
  */
 #include "car.h"
 #include "tyre.h"
@@ -54,7 +55,8 @@ static void share_loads(const double v[], const double s[], double a_x, Motion *
 static Motion motion(const double v[], const double s[], double steer_angle) {
     Motion now = {.force_x = 0.0};
     Place at[N_WHEELS];
-    double v_x = s[V_X - FIRST_STATE], v_y = s[V_Y - FIRST_STATE], r = s[YAW_RATE - FIRST_STATE];
+    double v_x = s[V_X - FIRST_STATE], r = s[YAW_RATE - FIRST_STATE];
+    double v_y = s[V_Y - FIRST_STATE] + v[CG_HEIGHT] * s[ROLL_RATE - FIRST_STATE]; /* of the road's point below it */
     double a_x = asked_of_tyres(v, v_x), u, w;
     places(v, steer_angle, at);
     share_loads(v, s, a_x, &now);
@@ -77,13 +79,12 @@ static Motion motion(const double v[], const double s[], double steer_angle) {
 static Motion moving(const double v[], const double s[], double steer_angle, double rate[]) {
     Motion now = motion(v, s, steer_angle);
     double v_x = s[V_X - FIRST_STATE], v_y = s[V_Y - FIRST_STATE], r = s[YAW_RATE - FIRST_STATE];
-    double roll_acceleration = now.roll_moment / v[ROLL_INERTIA];
     pose_rates(s, rate);
     rate[V_X - FIRST_STATE] = now.force_x / v[MASS] + v_y * r;
-    rate[V_Y - FIRST_STATE] = now.force_y / v[MASS] + v[CG_HEIGHT] * roll_acceleration - v_x * r;
+    rate[V_Y - FIRST_STATE] = now.force_y / v[MASS] - v_x * r;
     rate[YAW_RATE - FIRST_STATE] = now.yaw_moment / v[YAW_INERTIA];
     rate[ROLL - FIRST_STATE] = s[ROLL_RATE - FIRST_STATE];
-    rate[ROLL_RATE - FIRST_STATE] = roll_acceleration;
+    rate[ROLL_RATE - FIRST_STATE] = now.roll_moment / v[ROLL_INERTIA];
     for (int i = 0; i < N_WHEELS; i++) rate[FRONT_LEFT_SLIP - FIRST_STATE + i] = now.slip_rate[i];
     return now;
 }
