@@ -42,10 +42,11 @@ CAR = np.dtype(
         ("steer_lead", np.float64),  # damping over stiffness of the steering servos, [s]
         ("max_braking", np.float64),
         ("max_acceleration", np.float64),
+        ("chassis", np.int64),  # body
         ("wheel", np.int64, 4),  # bodies
         ("spin", np.int64, 4),  # joint velocities
         ("slide", np.int64, (4, 2)),  # joint positions and velocities
-        ("steer", np.int64, 2),  # joint positions
+        ("steer", np.int64, (2, 2)),  # joint positions and velocities
     ]
 )
 """What the kernels know of the car; a record, because it crosses into compiled code as one argument."""
@@ -144,12 +145,11 @@ def _axes(axle, normal):
 
 
 @njit(cache=True, nogil=True)
-def _lift(i, state, xfrc, wheel):
+def _lift(i, state):
     state["load"][i] = 0.0
     state["deflection"][i, :] = 0.0
     state["slip"][i, :] = 0.0
     state["shear"][i, :] = 0.0
-    xfrc[wheel, :] = 0.0
 
 
 @njit(cache=True, nogil=True)
@@ -171,14 +171,14 @@ def _contact_damping(i, slide_x, slide_y, rolling, camber, load, friction, tyre)
 
 
 @njit(cache=True, nogil=True)
-def tyre(i, dt, car, state, sensors, xipos, xmat, qvel, xfrc, pairs, damping, patches):
+def tyre(i, dt, car, state, sensors, xipos, xmat, qpos, qvel, qfrc, pairs, damping, patches):
     """Shear of wheel `i` from its contact patch: a force and a moment on the wheel's body, or a tuned contact.
 
     Args:
         i: Place in the wheels.
         dt: Step, in [s].
         car, state: Records of `CAR` and `STATE`.
-        sensors, xipos, xmat, qvel, xfrc: Views of MjData's arrays; the wheel's row of `xfrc` is written.
+        sensors, xipos, xmat, qpos, qvel, qfrc: Views of MjData's arrays; the wheel's share is added to `qfrc`.
         pairs, damping: Friction and friction reference of the tyre pairs in mjModel; written in `contact` mode.
         patches: See `friction_at`.
     """
@@ -188,7 +188,7 @@ def tyre(i, dt, car, state, sensors, xipos, xmat, qvel, xfrc, pairs, damping, pa
     if car["mode"] == _STOCK:
         load = sensors[_FORCE + 3 * i]
     if sensors[at] == 0.0 or load <= 0.0:
-        _lift(i, state, xfrc, wheel)
+        _lift(i, state)
         return
     point, normal, tangent = vector(sensors, at + 2), vector(sensors, at + 5), vector(sensors, at + 8)
     ahead, left, lean = _axes((xmat[wheel, 1], xmat[wheel, 4], xmat[wheel, 7]), normal)
@@ -209,7 +209,9 @@ def tyre(i, dt, car, state, sensors, xipos, xmat, qvel, xfrc, pairs, damping, pa
     if car["mode"] == 0:
         fx, fy, moment = _law(i, kappa, alpha, camber, load, friction, car["tyre"])
         state["shear"][i, 0], state["shear"][i, 1] = fx, fy
-        _push(xfrc, wheel, arm, ahead, left, normal, depth, fx, fy, moment, load if car["bears_load"] != 0 else 0.0)
+        borne = load if car["bears_load"] != 0 else 0.0
+        force, torque = _wrench(arm, ahead, left, normal, depth, fx, fy, moment, borne)
+        push(i, car, xipos, xmat, qpos, qfrc, force, torque)
         return
     _, solved_x, solved_y = vector(sensors, _FORCE + 3 * i)
     state["shear"][i, 0] = solved_x * along[0] + solved_y * along[1]
@@ -221,12 +223,46 @@ def tyre(i, dt, car, state, sensors, xipos, xmat, qvel, xfrc, pairs, damping, pa
 
 
 @njit(cache=True, nogil=True)
-def _push(xfrc, wheel, arm, ahead, left, normal, depth, fx, fy, moment, borne):
-    """Write the wrench on the wheel's body, about its centre."""
+def _wrench(arm, ahead, left, normal, depth, fx, fy, moment, borne):
+    """Force and moment on the wheel's body, about its centre."""
     # The patch lies half the penetration below the road, where the wheel rolls; the car leans on the road.
     rise = -0.5 * depth
     road = (arm[0] + rise * normal[0], arm[1] + rise * normal[1], arm[2] + rise * normal[2])
     drive, lean, carry = cross(arm, ahead), cross(road, left), cross(arm, normal)
+    force = (
+        fx * ahead[0] + fy * left[0] + borne * normal[0],
+        fx * ahead[1] + fy * left[1] + borne * normal[1],
+        fx * ahead[2] + fy * left[2] + borne * normal[2],
+    )
+    torque = (
+        fx * drive[0] + fy * lean[0] + borne * carry[0] + moment * normal[0],
+        fx * drive[1] + fy * lean[1] + borne * carry[1] + moment * normal[1],
+        fx * drive[2] + fy * lean[2] + borne * carry[2] + moment * normal[2],
+    )
+    return force, torque
+
+
+@njit(cache=True, nogil=True)
+def push(i, car, xipos, xmat, qpos, qfrc, force, torque):
+    """Add a wrench on wheel `i` to the joints that carry it.
+
+    `xfrc_applied` would do the same by way of Jacobians of all joints, at a twentieth of the whole step.
+
+    Args:
+        i: Place in the wheels.
+        car: Record of `CAR`.
+        xipos, xmat, qpos, qfrc: Views of MjData's arrays; `qfrc` is written.
+        force, torque: About the wheel's centre, in the world's axes, in [N] and [N m].
+    """
+    wheel, chassis = car["wheel"][i], car["chassis"]
+    offset = (xipos[wheel, 0] - qpos[0], xipos[wheel, 1] - qpos[1], xipos[wheel, 2] - qpos[2])
+    lever = cross(offset, force)
     for k in range(3):
-        xfrc[wheel, k] = fx * ahead[k] + fy * left[k] + borne * normal[k]
-        xfrc[wheel, 3 + k] = fx * drive[k] + fy * lean[k] + borne * carry[k] + moment * normal[k]
+        qfrc[k] += force[k]
+        for j in range(3):  # the free joint turns about the chassis' own axes
+            qfrc[3 + k] += xmat[chassis, 3 * j + k] * (torque[j] + lever[j])
+    up = (xmat[chassis, 2], xmat[chassis, 5], xmat[chassis, 8])
+    qfrc[car["slide"][i, 1]] += dot(up, force)
+    if i < 2:
+        qfrc[car["steer"][i, 1]] += dot(up, torque)
+    qfrc[car["spin"][i]] += dot((xmat[wheel, 1], xmat[wheel, 4], xmat[wheel, 7]), torque)

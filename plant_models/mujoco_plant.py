@@ -13,7 +13,7 @@ from sidestep.plant_models.contact_tyre import CAR, PATCH, STATE, TYRE_MODES, re
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.mujoco_bodies import WHEELS, corners, suspension_of
 from sidestep.plant_models.mujoco_car import TYRE_DAMPING, car_spec, damping_scale, fill_delay_lines
-from sidestep.plant_models.mujoco_loop import ackermann, advance, observe
+from sidestep.plant_models.mujoco_loop import ackermann, advance, observe, stop_the_clock
 from sidestep.plant_models.mujoco_surface import Surface, patch_table
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import ReferencePath
@@ -64,6 +64,7 @@ class MujocoPlant:
             raise InputError("plant.friction", f"{friction}", "> 0")
         if not 0.0 < time_step <= 5e-3:
             raise InputError("plant.time_step", f"{time_step} s", "0 < value <= 0.005")
+        stop_the_clock()
         self._surface = surface = surface or Surface()
         self.model = car_spec(vehicle, obstacles, tyre, surface).compile()
         self.data = d = mujoco.MjData(self.model)
@@ -74,7 +75,7 @@ class MujocoPlant:
         self._patches = patch_table(surface.patches, path)
         self._planar = self._own["planar"][0]
         self._views = (
-            d.sensordata, d.xipos, d.xmat, d.qpos, d.qvel, d.xfrc_applied, d.ctrl, d.mocap_pos,
+            d.sensordata, d.xipos, d.xmat, d.qpos, d.qvel, d.qfrc_applied, d.ctrl, d.mocap_pos,
             self.model.pair_friction, self.model.pair_solreffriction,
         )  # fmt: skip
         self._tuned = (self.model.pair_friction.copy(), self.model.pair_solreffriction.copy())
@@ -116,7 +117,7 @@ class MujocoPlant:
         for i, corner in enumerate(corners(self._vehicle)):
             angle = ackermann(state.steer_angle, offsets[i]) if i < 2 else 0.0
             if i < 2:
-                self.data.qpos[car["steer"][i]] = angle
+                self.data.qpos[car["steer"][i, 0]] = angle
             v_x, v_y = state.v_x - state.yaw_rate * corner.y, state.v_y + state.yaw_rate * corner.x
             along = math.cos(angle) * v_x + math.sin(angle) * v_y
             across = math.cos(angle) * v_y - math.sin(angle) * v_x
@@ -125,7 +126,7 @@ class MujocoPlant:
             x, y, kappa, alpha = relaxed_slip(0.0, 0.0, 0.0, across, along, _LONG, car["tyre"])
             own["deflection"][i], own["slip"][i] = (x, y), (kappa, alpha)
             self.data.qvel[car["spin"][i]] = along / own["arm"][i]
-        fill_delay_lines(self.model, self.data, self.data.qpos[car["steer"]])
+        fill_delay_lines(self.model, self.data, self.data.qpos[car["steer"][:, 0]])
 
     def step(self, command: SteeringCommand, dt: float) -> VehicleState:
         """Hold `command` for `dt` seconds.
@@ -245,7 +246,7 @@ class MujocoPlant:
     def _shear(self) -> NDArray[np.float64]:
         """Sum of the forces along the road in the last step, in the world's axes, shape (2,), in [N]."""
         if self._car[0]["mode"] == 0:
-            return self.data.xfrc_applied[self._car[0]["wheel"], :2].sum(axis=0)
+            return self.data.qfrc_applied[:2]
         patches = self.data.sensordata[: 4 * PATCH].reshape(4, PATCH)
         forces = self.data.sensordata[-12:].reshape(4, 3)
         normal, tangent = patches[:, 5:8], patches[:, 8:11]
@@ -269,9 +270,8 @@ def _quaternion(yaw: float) -> tuple[float, float, float, float]:
 def _record(vehicle: VehicleParameters, model: mujoco.MjModel, friction: float) -> NDArray[np.void]:
     """The car as the kernels take it, shape (1,) of `CAR`."""
     data, record = suspension_of(vehicle), np.zeros(1, CAR)
-    joint = {name: model.joint(name) for name in (model.joint(i).name for i in range(model.njnt))}
-    slides = [joint[f"suspension_{name}"] for name in WHEELS]
-    gain = model.actuator(f"steer_{WHEELS[0]}").biasprm
+    (_, stiffness, damping), joints = model.actuator_biasprm[0, :3], [model.joint(i) for i in range(model.njnt)]
+    places = {joint.name: (joint.qposadr[0], joint.dofadr[0]) for joint in joints}
     values = {
         "tyre": vehicle.tyre.as_array(),
         "friction": friction,
@@ -286,13 +286,14 @@ def _record(vehicle: VehicleParameters, model: mujoco.MjModel, friction: float) 
         "steer_offset": data.track_front / 2.0 / vehicle.wheelbase,
         "steer_rate_limit": vehicle.steer_rate_limit,
         "steer_time_constant": vehicle.steer_time_constant,
-        "steer_lead": gain[2] / gain[1],
+        "steer_lead": damping / stiffness,
         "max_braking": vehicle.max_braking,
         "max_acceleration": vehicle.max_acceleration,
+        "chassis": model.body("chassis").id,
         "wheel": [model.body(f"wheel_{name}").id for name in WHEELS],
-        "spin": [joint[f"spin_{name}"].dofadr[0] for name in WHEELS],
-        "slide": [(slide.qposadr[0], slide.dofadr[0]) for slide in slides],
-        "steer": [joint[f"steer_{name}"].qposadr[0] for name in WHEELS[:2]],
+        "spin": [places[f"spin_{name}"][1] for name in WHEELS],
+        "slide": [places[f"suspension_{name}"] for name in WHEELS],
+        "steer": [places[f"steer_{name}"] for name in WHEELS[:2]],
     }
     for name, value in values.items():
         record[name] = value

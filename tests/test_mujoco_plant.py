@@ -4,11 +4,12 @@ import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, replace
 
+import mujoco
 import numpy as np
 import pytest
 
 from sidestep.plant_models.check_plant import check_plant
-from sidestep.plant_models.contact_tyre import TYRE_MODES
+from sidestep.plant_models.contact_tyre import TYRE_MODES, push
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.linear_plant import LinearPlant
 from sidestep.plant_models.mujoco_bodies import WHEELS, corners
@@ -100,9 +101,34 @@ def test_newton_balance():
     for k in range(500):
         command = SteeringCommand(state.time, 0.05 * math.cos(0.008 * k), 14.0)
         before, state = world_velocity(state), plant.step(command, 1e-3)
-        forces.append(plant.data.xfrc_applied[:, :2].sum(axis=0))
+        forces.append(plant.data.qfrc_applied[:2].copy())
         errors.append(BMW.mass * (world_velocity(state) - before) / 1e-3 - forces[-1])
     assert np.abs(errors).max() <= 1e-5 * np.abs(forces).max()
+
+
+def test_a_wrench_on_a_wheel_reaches_the_joints_as_by_mujocos_jacobian():
+    plant = MujocoPlant(BMW)
+    drive(plant, plant.reset(VehicleState(v_x=12.0, yaw=2.0)), 1.3, 0.08, 5.0)  # rolls, pitches, is on the turn
+    model, data = plant.model, plant.data
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    force, torque = np.array([300.0, -2000.0, 90.0]), np.array([40.0, 25.0, -60.0])
+    for i, wheel in enumerate(plant._car[0]["wheel"]):
+        got, expected = np.zeros(model.nv), np.zeros(model.nv)
+        push(i, plant._car[0], data.xipos, data.xmat, data.qpos, got, tuple(force), tuple(torque))
+        mujoco.mj_applyFT(model, data, force, torque, data.xipos[wheel], wheel, expected)
+        np.testing.assert_allclose(got, expected, rtol=0.0, atol=1e-9)
+
+
+def test_mujoco_reads_no_clock_and_reckons_the_same():
+    plants = [MujocoPlant(BMW), MujocoPlant(BMW)]
+    states = [plant.reset(VehicleState(v_x=12.0)) for plant in plants]
+    before = plants[0].data.timer[0].duration
+    got = drive(plants[0], states[0], 0.1, 0.05, 12.0)
+    assert plants[0].data.timer[0].duration == before
+    mujoco.set_mjcb_time(None)  # MuJoCo's own clock again
+    assert drive(plants[1], states[1], 0.1, 0.05, 12.0) == got
+    assert plants[1].data.timer[0].duration > before
 
 
 def test_roll_moment_balance():
@@ -276,7 +302,7 @@ def test_a_wheel_in_the_air_gives_no_force():
     plant.data.qpos[2] += 1.0
     state = plant.step(SteeringCommand(0.0, 0.2, 0.0), 0.1)
     assert not by_wheel(plant.signals(), "load").any()
-    assert not plant.data.xfrc_applied.any()
+    assert not plant.data.qfrc_applied.any()
     assert (state.v_x, state.v_y) == pytest.approx((10.0, 0.0), abs=1e-3)
     assert plant.data.subtree_com[1, 2] == pytest.approx(1.0 + BMW.cg_height - GRAVITY * 0.1**2 / 2.0, abs=2e-3)
 
