@@ -139,9 +139,12 @@ def test_a_failed_run_is_exit_status_1(tmp_path):
         (["single-obstacle", "--set", "obstacles.0.width=-1"], ["obstacles[0].width", "> 0"]),
         (["single-obstacle", "--set", "obstacles.0.s=1"], ["obstacles[0]", "start"]),
         (["single-obstacle", "--set", "start.l=5"], ["start.l", "road's edge"]),
+        (["single-obstacle", "--set", "vehicle.file=a.toml"], ["vehicle.file: no file '", "a.toml'; allowed"]),
+        (["single-obstacle", "--set", "vehicle.tyre_file=a.tir"], ["vehicle.tyre_file: no file '"]),
         (["single-obstacle", "--plant", "mujco"], ["mujco", "did you mean mujoco?", "single-track, double-track"]),
         (["single-obstacle", "--plant", "none.fmu"], ["none.fmu"]),
         (["single-obstacle", "--plant", "broken.fmu"], ["broken.fmu"]),
+        (["single-obstacle", "--plant", "broken.fmu", "--map", "a.toml"], ["plant.map: no file '", "a.toml'"]),
         (["single-obstacle", "--plant", "linear", "--map", "a.toml"], ["plant.map", ".fmu"]),
         (["single-obstacle", "--plant", "linear", "--set", "plant.friction=0.6"], ["plant.friction", "allowed: 1.0"]),
         (["single-obstacle", "--plant", "linear", "--can", "socketcan:nocan7"], ["nocan7"]),
@@ -237,7 +240,7 @@ def test_output_that_nobody_takes_is_no_traceback(output, status, words):
     reader, writer = os.pipe()
     os.close(reader)
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
-    command = [sys.executable, "-m", "sidestep.validation", "scenarios"]
+    command = [sys.executable, "-m", "sidestep.validation", "--help"]
     with open(writer if output == "closed" else output, "w") as stdout:
         done = subprocess.run(command, stdout=stdout, stderr=subprocess.PIPE, text=True, check=False, env=environment)
         os.dup2(os.open(os.devnull, os.O_WRONLY), stdout.fileno())

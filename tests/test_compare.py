@@ -1,6 +1,7 @@
 """Runs read back, rated, overlaid; MF4."""
 
 import json
+import shutil
 import sys
 from xml.etree import ElementTree
 
@@ -61,8 +62,42 @@ def test_a_comparison_is_a_page_test_cases_and_an_exit_status(folders, tmp_path,
     assert "FAIL: lowest rating" in capsys.readouterr().out
     assert ElementTree.parse(tmp_path / "j.xml").getroot().get("failures") == str(2 * len(TOLERANCES))
     assert main(["compare", str(folders[0])]) == 2
-    assert main(["compare", str(folders[0]), str(tmp_path / "none")]) == 2
-    assert "holds no run" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("", None, "b: holds no run: summary.json: No such file or directory; allowed: a folder that `sidestep run`"),
+        ("summary.json", "{", "b/summary.json: is no JSON (Expecting"),
+        ("summary.json", "[]", "b/summary.json: is not that of one run"),
+        ("summary.json", '{"runs": []}', "b/summary.json: is not that of one run"),
+        ("recording.csv", None, "b/recording.csv: cannot be read (No such file"),
+        ("recording.csv", "", "b/recording.csv: is cut short in line 1"),
+        ("recording.csv", "time [s]\n1.0", "b/recording.csv: is cut short in line 2"),
+        ("recording.csv", "time [s],x [m]\n1.0\n", "b/recording.csv: has 1 values in line 2, not 2"),
+        ("recording.csv", "time [s],x [m]\n1.0,fast\n", "b/recording.csv: holds something else (could not convert"),
+        ("recording.csv", "time [s],x [m]\n1.0,2.0\n", "b/recording.csv: lacks y, yaw"),
+    ],
+)
+def test_what_is_no_run_says_which_file_and_why(folders, name, text, words, tmp_path, capsys):
+    if name:
+        shutil.copytree(folders[1], tmp_path / "b")
+        (tmp_path / "b" / name).unlink()
+        if text is not None:
+            (tmp_path / "b" / name).write_text(text)
+    assert main(["compare", str(folders[0]), str(tmp_path / "b"), "--out", str(tmp_path / "out")]) == 2
+    assert f"{tmp_path}/{words}" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_run_of_a_scenario_with_files_comes_back(tmp_path):
+    (tmp_path / "track.csv").write_text("x [m],y [m]\n0,0\n50,0\n100,1\n150,0\n")
+    (tmp_path / "mine.toml").write_text(
+        'speed = 10.0\nduration = 1.0\nroad = { width_left = 4.0, width_right = 4.0, waypoints = "track.csv" }\n'
+    )
+    stored(drive(tmp_path / "mine.toml", duration=0.5), tmp_path / "a")
+    (run,) = read_runs([tmp_path / "a"])
+    assert (run.scenario.name, run.scenario.path.length) == ("mine", pytest.approx(150.0, abs=1.0))
 
 
 def test_mf4_holds_both_groups_with_their_units(tmp_path):

@@ -11,10 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_report import drive, stored
 
-from sidestep.plant_models.errors import InputError
 from sidestep.validation.cli import main
 from sidestep.validation.closed_loop import simulate
-from sidestep.validation.golden import TIME_TOLERANCE, TOLERANCES, check, funnel, read_golden, record
+from sidestep.validation.golden import TIME_TOLERANCE, check, funnel, read_golden, record
 from sidestep.validation.scenario import load_scenario
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -31,7 +30,7 @@ TIME = np.arange(0.0, 4.0, 0.01)
 def test_runs_stay_within_the_funnels_of_golden_recordings(name):
     scene, overrides = CASES[name]
     recording, _ = simulate(load_scenario(scene, overrides))
-    departures = check(recording.samples, read_golden(GOLDEN / f"{name}.csv"))
+    departures = check(recording.samples, read_golden(GOLDEN / f"{name}.csv", scene))
     assert [str(departure) for departure in departures if not departure.passed] == []
 
 
@@ -68,8 +67,8 @@ def test_what_comes_much_later_is_outside():
 
 
 def test_a_run_that_ends_too_early_is_outside(tmp_path):
-    record(drive(duration=1.0).recording.samples, tmp_path / "g.csv")
-    golden = read_golden(tmp_path / "g.csv")
+    record(drive(duration=1.0).recording.samples, "moose", tmp_path / "g.csv")
+    golden = read_golden(tmp_path / "g.csv", "moose")
     assert all(departure.passed for departure in check(drive(duration=2.0).recording.samples, golden))
     departures = check(drive(duration=0.5).recording.samples, golden)
     assert all(np.isinf(departure.worst) for departure in departures)
@@ -78,7 +77,7 @@ def test_a_run_that_ends_too_early_is_outside(tmp_path):
 
 def test_only_the_command_changes_what_is_golden(tmp_path, capsys):
     for name, aim in (("a", 0.0), ("b", 0.5)):
-        stored(drive(aim=aim, duration=2.0), tmp_path / name)
+        stored(drive(aim=aim, duration=1.0), tmp_path / name)
     a, b, golden = (str(tmp_path / name) for name in ("a", "b", "g.csv"))
     assert main(["golden", "record", a, golden]) == 0
     before = Path(golden).read_bytes()
@@ -89,13 +88,27 @@ def test_only_the_command_changes_what_is_golden(tmp_path, capsys):
     assert Path(golden).read_bytes() == before
     assert main(["golden", "record", b, golden]) == 0
     assert main(["golden", "check", b, golden]) == 0
-    assert main(["golden", "check", b, str(tmp_path / "none.csv")]) == 2
-    assert "no golden recording" in capsys.readouterr().err
-    Path(golden).write_text("time [s]\n0.0\n")
-    with pytest.raises(InputError, match=f"lacks {', '.join(TOLERANCES)}"):
-        read_golden(Path(golden))
+
+
+def test_only_a_golden_recording_of_the_same_scenario_is_one(tmp_path, capsys):
+    stored(drive(duration=1.0), tmp_path / "a")
+    stored(drive("moose", duration=1.0), tmp_path / "moose")
+    stored(drive(), tmp_path / "failed")
+    golden = tmp_path / "g.csv"
+    assert main(["golden", "record", str(tmp_path / "failed"), str(golden)]) == 2
+    assert "is a run that failed: collision; allowed: one that passed" in capsys.readouterr().err
+    assert not golden.exists()
+    assert main(["golden", "record", str(tmp_path / "moose"), str(golden)]) == 0
+    others = {
+        golden: "is of the scenario 'moose', the run of 'single-obstacle'",
+        tmp_path / "a" / "recording.csv": "is no golden recording",
+        tmp_path / "none.csv": "cannot be read (No such file",
+    }
+    for file, words in others.items():
+        assert main(["golden", "check", str(tmp_path / "a"), str(file)]) == 2
+        assert words in capsys.readouterr().err
 
 
 if __name__ == "__main__":
     for case, (scene, overrides) in CASES.items():
-        record(simulate(load_scenario(scene, overrides))[0].samples, GOLDEN / f"{case}.csv")
+        record(simulate(load_scenario(scene, overrides))[0].samples, scene, GOLDEN / f"{case}.csv")

@@ -11,6 +11,7 @@ from sidestep.validation.cli import main
 from sidestep.validation.driven_manoeuvres import LANES, iso_3888_1
 from sidestep.validation.manoeuvres import MANOEUVRES
 from sidestep.validation.recording import read_columns
+from sidestep.validation.scenario import load_scenario
 from sidestep.validation.vehicle_file import vehicle_toml
 
 
@@ -107,7 +108,7 @@ def test_lanes_of_iso_3888_1_are_as_wide_and_as_far_apart_as_the_standard_says()
     assert scenario.speed == pytest.approx(80.0 / 3.6)
 
 
-def test_identify_writes_the_file_that_the_controller_reads(tmp_path, capsys):
+def test_identify_writes_the_file_that_the_controller_reads(tmp_path, monkeypatch, capsys):
     file = tmp_path / "found" / "car.toml"
     wrong = ["--set", "vehicle.cornering_stiffness_front=9e4", "--set", "vehicle.yaw_inertia=1400.0"]
     assert main(["identify", "--plant", "linear", "--out", str(file), *wrong]) == 0
@@ -117,6 +118,8 @@ def test_identify_writes_the_file_that_the_controller_reads(tmp_path, capsys):
     assert found.yaw_inertia == pytest.approx(1400.0, rel=0.01)
     assert found.cornering_stiffness_rear == pytest.approx(car.cornering_stiffness_rear, rel=0.01)
     assert "told apart" not in capsys.readouterr().out
+    monkeypatch.chdir(file.parent)  # from where a built-in scenario finds it
+    assert load_scenario("moose", ["vehicle.file=car.toml"]).vehicle.yaw_inertia == found.yaw_inertia
 
 
 def test_identification_hears_the_noise_of_the_plant(tmp_path, capsys):

@@ -5,7 +5,7 @@ import json
 import math
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,6 +13,8 @@ import numpy as np
 from msgspec import Meta
 
 from sidestep.plant_models.errors import InputError
+from sidestep.validation.closed_loop import open_controller
+from sidestep.validation.plants import open_plant
 from sidestep.validation.random_scenes import random_scene
 from sidestep.validation.scenario import Scenario, parse_scenario, read_scenario
 from sidestep.validation.tables import checked
@@ -107,15 +109,19 @@ def load_campaign(path: Path) -> Campaign:
 
     Raises:
         InputError: With file, dotted key and what is allowed.
+        PlantError: A plant in it cannot be built.
     """
     try:
         tables = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(str(path), f"no readable TOML file ({error})") from error
     try:
-        return _campaign(tables, path)
+        campaign = _campaign(tables, path)
+        _check_corners(campaign)
     except InputError as error:
-        raise InputError(f"{path}: {error.where}", error.problem, error.allowed) from error
+        where = error.where.removeprefix("row 0: ")
+        raise InputError(f"{path}: {where}", error.problem, error.allowed) from error
+    return campaign
 
 
 def _campaign(tables: dict[str, Any], path: Path) -> Campaign:
@@ -130,8 +136,19 @@ def _campaign(tables: dict[str, Any], path: Path) -> Campaign:
         raise InputError(f"vary.{both[0]}", "is also in [set]", "one of the two")
     if (count := number_of_cases(campaign)) > MOST_CASES:
         raise InputError("vary", f"{count} cases", f"at most {MOST_CASES}")
-    scenario_of(campaign, next(iter(cases(campaign))))  # bad keys show here, before any process starts
     return campaign
+
+
+def _check_corners(campaign: Campaign) -> None:
+    """Open what the corners of the ranges ask for: what no case could drive shows here, before any runs."""
+    opened: list[Any] = []
+    for case in corners(campaign):
+        scenario = scenario_of(campaign, case)
+        open_controller(scenario)
+        plant = [scenario.tables.get(name) for name in ("plant", "vehicle")]
+        if plant not in opened:
+            open_plant(scenario).close()
+            opened.append(plant)
 
 
 def _flat(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -181,6 +198,15 @@ def _sobol(count: int, dimensions: int, seed: int) -> np.ndarray:
         return np.empty((count, 0))
     points = qmc.Sobol(dimensions, scramble=False).random_base2(math.ceil(math.log2(count)))[:count]
     return (points + np.random.default_rng(seed).random(dimensions)) % 1.0
+
+
+def corners(campaign: Campaign) -> Iterator[Case]:
+    """The first case with each key at either end of its range, or at each of its values; then it as it is."""
+    first = cases(campaign)[0]
+    for key, values in campaign.vary.items():
+        for value in values.values or (values.low, values.high):
+            yield replace(first, values={**first.values, key: value})
+    yield first
 
 
 def scenario_of(campaign: Campaign, case: Case, overrides: Sequence[str] = ()) -> Scenario:

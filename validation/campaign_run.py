@@ -116,8 +116,8 @@ def load_rows(file: Path) -> tuple[Campaign, list[Row]]:
 
 
 def about(campaign: Campaign) -> dict[str, str]:
-    """Where it was run, for the record."""
-    return {"Scenario file": campaign.file, "Versions": ", ".join(f"{n} {v}" for n, v in versions().items())}
+    """What was run, for the record."""
+    return {"Scenario": campaign.scenario, "Versions": ", ".join(f"{n} {v}" for n, v in versions().items())}
 
 
 def _head(campaign: Campaign) -> Row:

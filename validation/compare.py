@@ -16,7 +16,7 @@ from sidestep.validation.console import row_name
 from sidestep.validation.evidence import Evidence, Table
 from sidestep.validation.golden import PERIOD, TIME_TOLERANCE, TOLERANCES, funnel
 from sidestep.validation.rating import Rating, rate
-from sidestep.validation.recording import Array, Recording, read_columns
+from sidestep.validation.recording import SAMPLE_UNITS, Array, Recording, read_columns
 from sidestep.validation.scenario import Scenario, scenario_from_tables
 from sidestep.validation.style import BLUE, FAINT, GREEN, ORANGE, PURPLE, RED, SKY, panel, styled
 
@@ -58,14 +58,32 @@ def read_runs(folders: Sequence[Path]) -> list[StoredRun]:
     return [StoredRun(str(f), r.scenario, r.summary, r.samples) for f, r in zip(folders, runs, strict=True)]
 
 
+_KEYS = {"scenario": str, "plant": str, "preset": str, "verdict": str, "label": str, "tables": dict, "folder": str}
+
+
 def _read(folder: Path) -> StoredRun:
+    summary = _summary(folder / "summary.json")
+    file = Path(summary["folder"]) / f"{summary['scenario']}.toml"
+    scenario = scenario_from_tables(summary["tables"], str(folder / "summary.json"), file)
+    samples = read_columns(folder / "recording.csv")
+    if missing := [name for name in SAMPLE_UNITS if not len(samples.get(name, ()))]:
+        raise InputError(str(folder / "recording.csv"), f"lacks {', '.join(missing)}", _A_RUN)
+    return StoredRun(row_name(summary), scenario, summary, samples)
+
+
+def _summary(file: Path) -> dict[str, Any]:
     try:
-        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-        samples = read_columns(folder / "recording.csv")
-        scenario = scenario_from_tables(summary["tables"], str(folder), folder / "scenario.toml")
-        return StoredRun(row_name(summary), scenario, summary, samples)
-    except (OSError, ValueError, KeyError, StopIteration) as error:
-        raise InputError(str(folder), f"holds no run ({error})", "a folder that `sidestep run` wrote") from error
+        summary = json.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(str(file.parent), f"holds no run: {file.name}: {error.strerror}", _A_RUN) from error
+    except ValueError as error:
+        raise InputError(str(file), f"is no JSON ({error})", _A_RUN) from error
+    if not isinstance(summary, dict) or any(not isinstance(summary.get(key), kind) for key, kind in _KEYS.items()):
+        raise InputError(str(file), "is not that of one run", _A_RUN)
+    return summary
+
+
+_A_RUN = "a folder that `sidestep run` wrote"
 
 
 class Pair(NamedTuple):

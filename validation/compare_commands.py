@@ -4,6 +4,7 @@ import argparse
 import time
 from pathlib import Path
 
+from sidestep.plant_models.errors import InputError
 from sidestep.validation.arguments import share
 
 
@@ -31,7 +32,6 @@ def add_golden(commands: argparse._SubParsersAction) -> None:
 
 
 def _compare(options: argparse.Namespace) -> int:
-    from sidestep.plant_models.errors import InputError
     from sidestep.validation.compare import evidence, pairs, read_runs
     from sidestep.validation.credibility import write_credibility_report
     from sidestep.validation.files import check_file, made
@@ -67,7 +67,10 @@ def _record(options: argparse.Namespace) -> int:
     from sidestep.validation.compare import read_runs
     from sidestep.validation.golden import record
 
-    record(read_runs([options.run])[0].samples, options.file)
+    run = read_runs([options.run])[0]
+    if run.summary["verdict"] != "pass":
+        raise InputError(str(options.run), f"is a run that failed: {run.summary['label']}", "one that passed")
+    record(run.samples, run.summary["scenario"], options.file)
     print(f"golden: {options.file}")
     return 0
 
@@ -79,7 +82,8 @@ def _check(options: argparse.Namespace) -> int:
     from sidestep.validation.junit import JunitCase, write_junit
 
     check_file(options.junit, "--junit")
-    departures = check(read_runs([options.run])[0].samples, read_golden(options.file))
+    run = read_runs([options.run])[0]
+    departures = check(run.samples, read_golden(options.file, run.summary["scenario"]))
     for departure in departures:
         print(departure)
     if options.junit:

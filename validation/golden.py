@@ -1,4 +1,4 @@
-"""Golden recordings: what a run has to stay close to, within a funnel in time and value."""
+"""Golden recordings: what a run of the same scenario has to stay close to, within a funnel in time and value."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,6 +15,7 @@ TOLERANCES = {"l": 0.02, "yaw_rate": 0.01, "lateral_acceleration": 0.15, "steer_
 """Half height of the funnel about each signal, in [m], [rad/s], [m/s^2], [rad]."""
 TIME_TOLERANCE = 0.03
 """How much earlier or later a signal may do what it does, in [s]."""
+_HEAD = "golden recording of "
 PERIOD = 0.01
 """Of the samples that are compared, in [s]."""
 
@@ -80,8 +81,8 @@ def funnel(time: Array, values: Array, tolerance: float) -> Funnel:
     return Funnel(grid, low, high)
 
 
-def record(samples: Mapping[str, Array], file: Path) -> None:
-    """Keep a run as golden, every PERIOD; what was golden before is gone.
+def record(samples: Mapping[str, Array], scenario: str, file: Path) -> None:
+    """Keep a run of a scenario as golden, every PERIOD; what was golden before is gone.
 
     Raises:
         InputError: The file cannot be written.
@@ -90,21 +91,27 @@ def record(samples: Mapping[str, Array], file: Path) -> None:
     grid = np.arange(time[0], time[-1] + 1e-9, PERIOD)
     columns = {"time": grid} | {name: np.interp(grid, time, samples[name]) for name in TOLERANCES}
     with written_file(file, "FILE.csv"):
-        write_columns(file, {name: np.round(values, 6) for name, values in columns.items()}, SAMPLE_UNITS)
+        rounded = {name: np.round(values, 6) for name, values in columns.items()}
+        write_columns(file, rounded, SAMPLE_UNITS, _HEAD + scenario)
 
 
-def read_golden(file: Path) -> dict[str, Array]:
+def read_golden(file: Path, scenario: str) -> dict[str, Array]:
     """Columns of a golden recording.
 
+    Args:
+        file: By `record`.
+        scenario: Name of the one that it has to be of.
+
     Raises:
-        InputError: No such file, or it lacks a signal.
+        InputError: No such file, no golden recording, or one of another scenario.
     """
-    try:
-        columns = read_columns(file)
-    except (OSError, ValueError, StopIteration) as error:
-        raise InputError(str(file), f"no golden recording ({error})", "a CSV by `sidestep golden record`") from error
-    if missing := [name for name in ("time", *TOLERANCES) if name not in columns]:
-        raise InputError(str(file), f"lacks {', '.join(missing)}", "a CSV by `sidestep golden record`")
+    columns = read_columns(file)
+    with file.open(encoding="utf-8") as stream:
+        head = stream.readline().removeprefix("# ").rstrip("\n")
+    if not head.startswith(_HEAD) or columns.keys() != {"time", *TOLERANCES} or not len(columns["time"]):
+        raise InputError(str(file), "is no golden recording", "a CSV by `sidestep golden record`")
+    if (golden := head.removeprefix(_HEAD)) != scenario:
+        raise InputError(str(file), f"is of the scenario {golden!r}, the run of {scenario!r}", "one of the same")
     return columns
 
 

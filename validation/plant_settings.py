@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from msgspec import Meta
 
 from sidestep.plant_models.mujoco_surface import FrictionPatch, HeightField, Surface
-from sidestep.validation.tables import built, checked
+from sidestep.validation.tables import built, checked, file_at
 
 Positive = Annotated[float, Meta(gt=0.0)]
 NotNegative = Annotated[float, Meta(ge=0.0)]
@@ -87,4 +87,4 @@ def plant_settings(table: dict[str, Any], folder: Path) -> PlantSettings:
 
 def _heights(table: Any, folder: Path) -> HeightField:
     values = checked(_Heights, table, "plant.heights")
-    return HeightField.from_csv(folder / values.pop("path"), **values)
+    return HeightField.from_csv(file_at(folder, values.pop("path"), "plant.heights.path"), **values)

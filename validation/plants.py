@@ -13,7 +13,7 @@ from sidestep.plant_models.vehicle import VehicleParameters
 from sidestep.validation.delay_line import DelayLine
 from sidestep.validation.plant_settings import PlantSettings
 from sidestep.validation.scenario import Scenario
-from sidestep.validation.tables import did_you_mean
+from sidestep.validation.tables import did_you_mean, file_at
 
 PLANT_KINDS = ("linear", "single-track", "double-track", "mujoco")
 """Plants that come with the package; the path of an .fmu file is one more."""
@@ -61,7 +61,7 @@ def _bare_plant(scenario: Scenario) -> Plant:
         from sidestep.fmu.fmu_plant import FmuPlant
         from sidestep.fmu.isolation import IsolatedPlant
 
-        mapping = Path(settings.map) if settings.map else None
+        mapping = file_at(Path(), settings.map, "plant.map") if settings.map else None
         build = partial(FmuPlant.from_file, Path(settings.kind), mapping, vehicle, settings.friction)
         return IsolatedPlant(build, settings.isolate) if settings.isolate else build()
     problem = f"unknown plant {settings.kind!r}{did_you_mean(settings.kind, PLANT_KINDS)}"
@@ -86,14 +86,17 @@ def true_vehicle(scenario: Scenario) -> VehicleParameters:
         chassis = replace(
             chassis, roll_inertia=mass * chassis.roll_inertia, pitch_inertia=mass * chassis.pitch_inertia
         )  # fmt: skip
-    return vehicle.with_(
-        mass=mass * vehicle.mass,
-        yaw_inertia=mass * vehicle.yaw_inertia,
-        cornering_stiffness_front=stiffness * vehicle.cornering_stiffness_front,
-        cornering_stiffness_rear=stiffness * vehicle.cornering_stiffness_rear,
-        tyre=replace(vehicle.tyre, p_ky1=stiffness * vehicle.tyre.p_ky1),
-        suspension=chassis,
-    )
+    try:
+        return vehicle.with_(
+            mass=mass * vehicle.mass,
+            yaw_inertia=mass * vehicle.yaw_inertia,
+            cornering_stiffness_front=stiffness * vehicle.cornering_stiffness_front,
+            cornering_stiffness_rear=stiffness * vehicle.cornering_stiffness_rear,
+            tyre=replace(vehicle.tyre, p_ky1=stiffness * vehicle.tyre.p_ky1),
+            suspension=chassis,
+        )
+    except InputError as error:
+        raise InputError("plant.mass", f"{mass}: makes {error.where} {error.problem}", error.allowed) from error
 
 
 def _require_plain_road(settings: PlantSettings) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sidestep.plant_models.errors import InputError
 from sidestep.validation.files import complete
 
 Array = NDArray[np.float64]
@@ -65,6 +66,9 @@ class End(Enum):
     BUS_ERROR = "bus error"
 
 
+_CSV = "a CSV of numbers as sidestep wrote it"
+
+
 @dataclass(frozen=True)
 class Recording:
     """A run, complete up to where it ended.
@@ -103,18 +107,33 @@ class Recording:
         return int(np.count_nonzero(self.steps["feasible"] == 0.0))
 
 
-def write_columns(file: Path, columns: Mapping[str, Array], units: Mapping[str, str]) -> None:
-    """Write a CSV with units in its header; the file is there complete or not at all."""
+def write_columns(file: Path, columns: Mapping[str, Array], units: Mapping[str, str], note: str = "") -> None:
+    """Write a CSV with units in its header, after a line `# note` if there is one; complete or not there."""
     with complete(file) as stream:
+        stream.write(f"# {note}\n" if note else "")
         writer = csv.writer(stream)
         writer.writerow(f"{name} [{units[name]}]" for name in columns)
         writer.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
 
 
 def read_columns(file: Path) -> dict[str, Array]:
-    """The columns of such a CSV by name, without their units."""
-    with file.open(newline="", encoding="utf-8") as stream:
-        rows = csv.reader(stream)
-        names = [name.partition(" [")[0] for name in next(rows)]
-        values = np.array(list(rows), dtype=float).reshape(-1, len(names))
-    return {name: values[:, i] for i, name in enumerate(names)}
+    """The columns of such a CSV by name, without their units.
+
+    Raises:
+        InputError: It cannot be read, is cut short, or holds something else.
+    """
+    try:
+        lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(str(file), f"cannot be read ({getattr(error, 'strerror', error)})", _CSV) from error
+    if not lines or not lines[-1].endswith("\n"):
+        raise InputError(str(file), f"is cut short in line {max(len(lines), 1)}", _CSV)
+    head, *rows = csv.reader(line for line in lines if not line.startswith("#"))
+    for number, row in enumerate(rows, len(lines) - len(rows) + 1):
+        if len(row) != len(head):
+            raise InputError(str(file), f"has {len(row)} values in line {number}, not {len(head)}", _CSV)
+    try:
+        values = np.array(rows, dtype=float).reshape(-1, len(head))
+    except ValueError as error:
+        raise InputError(str(file), f"holds something else ({error})", _CSV) from error
+    return {name.partition(" [")[0]: values[:, i] for i, name in enumerate(head)}

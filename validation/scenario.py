@@ -18,7 +18,7 @@ from sidestep.plant_models.tyre_file import read_tyre
 from sidestep.plant_models.vehicle import VehicleParameters
 from sidestep.validation.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
 from sidestep.validation.plant_settings import PlantSettings, plant_settings
-from sidestep.validation.tables import built, checked, did_you_mean, joined, override
+from sidestep.validation.tables import built, checked, did_you_mean, file_at, joined, override
 
 _BUILT_IN = Path(__file__).parent / "scenarios"
 _SEGMENTS = {"line": Line, "arc": Arc, "clothoid": Clothoid}
@@ -43,6 +43,7 @@ class Scenario:
         description: One line for lists.
         plant: Which plant.
         tables: The file's tables after the overrides: what makes the same run again.
+        folder: From which the files in them are found.
     """
 
     name: str
@@ -57,6 +58,7 @@ class Scenario:
     description: str = ""
     plant: PlantSettings = field(default_factory=PlantSettings)
     tables: dict[str, Any] = field(default_factory=dict, compare=False)
+    folder: Path = field(default=Path(), compare=False)
 
 
 @dataclass
@@ -105,11 +107,11 @@ def load_scenario(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Sc
         InputError: With file, dotted key and what is allowed.
     """
     file, text = read_scenario(name_or_path)
-    return parse_scenario(text, file.stem if file.parent == _BUILT_IN else str(file), overrides, file)
+    return parse_scenario(text, str(name_or_path), overrides, file)
 
 
 def read_scenario(name_or_path: str | Path, folder: Path = Path()) -> tuple[Path, str]:
-    """File and text of a scenario.
+    """File and text of a scenario; a built-in one stands as if in `folder`, for the files that overrides name.
 
     Args:
         name_or_path: One of `built_in_scenarios()`, or a TOML file.
@@ -119,7 +121,9 @@ def read_scenario(name_or_path: str | Path, folder: Path = Path()) -> tuple[Path
         InputError: There is none, or it cannot be read.
     """
     name, known = str(name_or_path), built_in_scenarios()
-    file = _BUILT_IN / f"{name}.toml" if name in known else folder / name
+    if name in known:
+        return folder / f"{name}.toml", (_BUILT_IN / f"{name}.toml").read_text(encoding="utf-8")
+    file = folder / name
     if not file.is_file():
         problem = f"no built-in scenario and no file {name!r}{did_you_mean(name, known)}"
         raise InputError("scenario", problem, f"{', '.join(known)}, or a TOML file")
@@ -181,6 +185,7 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
         description=top.description,
         plant=plant_settings(top.plant, file.parent),
         tables=tables,
+        folder=file.parent,
     )  # fmt: skip
     _check_start(scenario, start.s)
     return scenario
@@ -190,7 +195,7 @@ def _path(road: _Road, folder: Path) -> ReferencePath:
     if bool(road.segments) == bool(road.waypoints):
         raise InputError("road", "needs either segments or waypoints", "segments = [...] or waypoints = FILE.csv")
     if road.waypoints:
-        return ReferencePath.from_csv(folder / road.waypoints)
+        return ReferencePath.from_csv(file_at(folder, road.waypoints, "road.waypoints"))
     return ReferencePath.from_segments(
         [_segment(table, f"road.segments[{i}]") for i, table in enumerate(road.segments)]
     )
@@ -212,8 +217,11 @@ def _vehicle(table: dict[str, Any], folder: Path) -> VehicleParameters:
     names = {"preset": str, "file": str, "tyre_file": str}
     values = checked(VehicleParameters, table, "vehicle", partial=True, also=names)
     preset, file, tyre_file = values.pop("preset", "bmw-320i"), values.pop("file", ""), values.pop("tyre_file", "")
-    base = VehicleParameters.from_file(folder / file) if file else VehicleParameters.preset(preset)
-    base = base.with_(tyre=read_tyre(folder / tyre_file)) if tyre_file else base
+    base = VehicleParameters.preset(preset)
+    if file:
+        base = VehicleParameters.from_file(file_at(folder, file, "vehicle.file"))
+    if tyre_file:
+        base = base.with_(tyre=read_tyre(file_at(folder, tyre_file, "vehicle.tyre_file")))
     for name in ("tyre", "suspension"):
         if name in values:
             values[name] = replace(getattr(base, name), **values[name])

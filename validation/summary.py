@@ -60,6 +60,7 @@ def summarise(scenario: Scenario, recording: Recording, judgement: Judgement, **
         **about,
         "versions": versions(),
         "tables": scenario.tables,
+        "folder": str(scenario.folder.absolute()),
     }
 
 

@@ -6,6 +6,7 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
@@ -69,6 +70,17 @@ def built(cls: Any, table: Any, where: str) -> Any:
         return cls(**values)
     except InputError as error:
         raise InputError(joined(where, error.where.rpartition(".")[2]), error.problem, error.allowed) from error
+
+
+def file_at(folder: Path, name: str, where: str) -> Path:
+    """The file that the key `where` names, seen from a folder.
+
+    Raises:
+        InputError: There is none.
+    """
+    if not (file := folder / name).is_file():
+        raise InputError(where, f"no file {str(file.absolute())!r}", "the path of a file")
+    return file
 
 
 def joined(where: str, key: str) -> str:
