@@ -1,7 +1,7 @@
 """Random scenes from a seed, as the text of a scenario file: any of them can be written out and run again."""
 
 import math
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -58,11 +58,8 @@ def random_scene(seed: int, vehicle: VehicleParameters | None = None) -> str:
         "[start]", f"l = {start}",
     ]  # fmt: skip
     for obstacle in obstacles:
-        s, l, length, width, heading, moving = (round(value, 3) for value in astuple(obstacle))  # noqa: E741
-        lines += [
-            "[[obstacles]]", f"s = {s}", f"l = {l}", f"length = {length}", f"width = {width}",
-            f"heading = {heading}", f"speed = {moving}",
-        ]  # fmt: skip
+        keys = ("s", "l", "length", "width", "heading", "speed")
+        lines += ["[[obstacles]]", *(f"{key} = {round(getattr(obstacle, key), 3)}" for key in keys)]
     return "\n".join(lines) + "\n"
 
 
