@@ -270,8 +270,8 @@ class Clock:
         self.now += seconds + self.late
 
 
-@pytest.mark.parametrize(("late", "expected"), [(0.0, 0.0), (5e-5, 0.0), (0.0021, 0.002)])
-def test_deadlines_are_absolute_and_a_tenth_of_a_millisecond_is_spent_awake(late, expected):
+@pytest.mark.parametrize("late", [0.0, 5e-5, 0.0021])
+def test_deadlines_are_absolute(late):
     clock = Clock()
     pacer, times = Pacer(0.01, clock, clock.sleep), []
     clock.late = late
@@ -283,9 +283,9 @@ def test_deadlines_are_absolute_and_a_tenth_of_a_millisecond_is_spent_awake(late
     figures = pacer.statistics()
     assert (figures["cycles"], figures["skipped"]) == (1000, 0)
     assert abs(figures["drift"]) < 1e-4
-    assert figures["lateness_ms"]["p50"] == pytest.approx(1e3 * expected, abs=5e-3)
+    assert figures["lateness_ms"]["p50"] == pytest.approx(1e3 * late, abs=5e-3)
     assert figures["busy"] == pytest.approx(0.3, abs=1e-3)
-    assert pacer.now() == pytest.approx(10.003 + expected, abs=1e-5)
+    assert pacer.now() == pytest.approx(10.003 + late, abs=1e-5)
 
 
 def test_drift_is_the_slope_of_the_lateness():

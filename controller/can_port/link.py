@@ -82,22 +82,22 @@ class RealTimeLink:
 
     def receive(self) -> list[Frame]:
         """Take in every frame that waits."""
-        frames = []
-        for message in self._bus.drain():
-            if self._follows:
-                self.pacer.follow(self.pacer.now() - (time.time() - message.timestamp))
-                self._follows = False
-            self._record(message, is_rx=True)
-            frames.append((message.arbitration_id, bytes(message.data)))
-        return frames
+        arrived, now = self._bus.drain(), self.pacer.now()
+        if self._follows and arrived:
+            self.pacer.follow(now - (time.time() - arrived[0].timestamp))
+            self._follows = False
+        for message in arrived:
+            self._record(message, now, is_rx=True)
+        return [(message.arbitration_id, bytes(message.data)) for message in arrived]
 
     def send(self, frames: Iterable[Frame]) -> None:
         """Send frames; those that the bus does not take are counted and gone."""
+        now = self.pacer.now()
         for frame_id, data in frames:
             message = can.Message(arbitration_id=frame_id, data=data, is_extended_id=False, is_fd=self._fd)
             if self._bus.send(message):
                 self.sent += 1
-                self._record(message, is_rx=False)
+                self._record(message, now, is_rx=False)
             else:
                 self.refused += 1
 
@@ -120,9 +120,9 @@ class RealTimeLink:
     def __exit__(self, *exc: object) -> None:
         self.close()
 
-    def _record(self, message: can.Message, is_rx: bool) -> None:
+    def _record(self, message: can.Message, now: float, is_rx: bool) -> None:
         if self._log:
-            message.timestamp, message.channel, message.is_rx = max(0.0, self.pacer.now()), 0, is_rx
+            message.timestamp, message.channel, message.is_rx = max(0.0, now), 0, is_rx
             self._log.on_message_received(message)
 
 

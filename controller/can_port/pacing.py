@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-_AWAKE = 1e-4  # the end of every wait, in [s]: a sleeper wakes some 50 us late
-
 
 class Pacer:
     """Wakes its caller every `cycle` seconds, counted from the first wait.
@@ -16,7 +14,7 @@ class Pacer:
     Args:
         cycle: Time between two deadlines, in [s].
         clock: Monotonic time, in [s].
-        sleep: Waits for so many seconds.
+        sleep: Waits for so many seconds, never less.
 
     Attributes:
         slot: Number of the present deadline.
@@ -54,11 +52,9 @@ class Pacer:
         missed = max(0, int((now - self._began - self._phase) / self.cycle) - self.slot - 1)
         self.slot, self.skipped = self.slot + 1 + missed, self.skipped + missed
         deadline = self._began + self.time
-        if deadline - _AWAKE > now:
-            self._sleep(deadline - _AWAKE - now)
+        if deadline > now:
+            self._sleep(deadline - now)
         self._woke = self._clock()
-        while self._woke < deadline:
-            self._woke = self._clock()
         return self.time
 
     def follow(self, time: float) -> None:
