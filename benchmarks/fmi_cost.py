@@ -4,6 +4,8 @@ Run it: python benchmarks/fmi_cost.py
 
 Steps of 20 ms. The ways are timed in turn in many short batches, and the fastest batch of each counts: what other
 programs on the machine add is left out. "C core" makes as many steps in one call, without Python between them.
+The echo is the controller's FMU with another server in it: it sends back what it gets, after the time that a controller
+would take.
 """
 
 import gc
@@ -11,6 +13,7 @@ import os
 import shutil
 import statistics
 import tempfile
+import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import astuple
@@ -37,6 +40,18 @@ DT = 0.02
 BATCHES, STEPS = 300, 50
 PASSES, DRIVE = 10, 200
 SCENE = load_scenario("double-obstacle")
+ECHO = """
+import socket, struct, time
+head = struct.Struct("=qQ")
+with socket.socket(fileno=3) as channel:
+    while request := channel.recv(head.size, socket.MSG_WAITALL):
+        size = head.unpack(request)[1]
+        values = channel.recv(size, socket.MSG_WAITALL) if size else b""
+        until = time.perf_counter() + {seconds}
+        while time.perf_counter() < until:
+            pass
+        channel.sendall(head.pack(0, size) + values)
+"""
 
 
 def main() -> None:
@@ -48,8 +63,9 @@ def main() -> None:
             f"C core {core:5.1f} us, ratio {plant / core:.2f}"
         )
     for fmi in (2, 3):
-        own, more = controller_costs(fmi)
-        print(f"{'controller':13} FMI {fmi}: {own:.0f} us by its own clock, {more:.1f} us more to its caller")
+        own, more, echo = controller_costs(fmi)
+        print(f"{'controller':13} FMI {fmi}: {own:.0f} us by its own clock, {more:.1f} us more to its caller", end="")
+        print(f"; an echo in its place {echo:.1f} us, ratio {more / echo:.2f}")
     cold, warm = export_costs()
     print(f"{'export':13} {cold:.2f} s with an empty cache, {warm:.2f} s when its binary is there")
 
@@ -110,27 +126,46 @@ def fastest(ways: Sequence[Callable[[], None]]) -> list[float]:
     return best
 
 
-def controller_costs(fmi: int) -> tuple[float, float]:
-    """Medians over a drive: a step's time as the controller in the FMU says, and what its caller waits longer, in [us].
+def controller_costs(fmi: int) -> tuple[float, float, float]:
+    """Medians over a drive, in [us].
 
-    Of each step the fastest of several passes.
+    A step's time as the controller in the FMU says, what its caller waits longer, and the same of an echo that takes
+    300 us. Of each step the fastest of several passes; controller and echo drive in turns.
     """
-    states, own, more = drive(), [float("inf")] * DRIVE, [float("inf")] * DRIVE
-    fmu = FmuInstance(exported(fmi))
-    inputs, outputs = fmu.port([name for name, *_ in STATE]), fmu.port(["steer_angle_command", "step_time"])
+    states, file, pause = drive(), exported(fmi), 3e-4
+    own, more, echo = ([float("inf")] * DRIVE for _ in range(3))
+    with tempfile.TemporaryDirectory() as folder:
+        fmus = [FmuInstance(file), FmuInstance(with_server(file, ECHO.format(seconds=pause), Path(folder, "echo.fmu")))]
     for _ in range(PASSES):
-        fmu.start(0.0, {})
-        for k, state in enumerate(states):
-            inputs.values[:] = astuple(state)[1:]
-            began = perf_counter_ns()
-            fmu.set(inputs)
-            fmu.step(state.time, DT)
-            fmu.get(outputs)
-            waited = (perf_counter_ns() - began) / 1e3
-            own[k] = min(own[k], 1e6 * outputs.values[1])
-            more[k] = min(more[k], waited - 1e6 * outputs.values[1])
-    fmu.close()
-    return statistics.median(own[1:]), statistics.median(more[1:])  # the first one starts it
+        for k, (waited, took) in enumerate(waits(fmus[0], states)):
+            own[k], more[k] = min(own[k], took), min(more[k], waited - took)
+        for k, (waited, _) in enumerate(waits(fmus[1], states)):
+            echo[k] = min(echo[k], waited - 1e6 * pause)
+    for fmu in fmus:
+        fmu.close()
+    return statistics.median(own[1:]), statistics.median(more[1:]), statistics.median(echo[1:])  # the first starts it
+
+
+def waits(fmu: FmuInstance, states: Sequence[VehicleState]) -> Iterator[tuple[float, float]]:
+    """What the caller of each step waits, and what the controller says that it took, in [us]."""
+    inputs, outputs = fmu.port([name for name, *_ in STATE]), fmu.port(["steer_angle_command", "step_time"])
+    fmu.start(0.0, {})
+    for state in states:
+        inputs.values[:] = astuple(state)[1:]
+        began = perf_counter_ns()
+        fmu.set(inputs)
+        fmu.step(state.time, DT)
+        fmu.get(outputs)
+        yield (perf_counter_ns() - began) / 1e3, 1e6 * outputs.values[1]
+
+
+def with_server(file: Path, server: str, out: Path) -> Path:
+    """The exported controller with another program in its process."""
+    with zipfile.ZipFile(file) as whole, zipfile.ZipFile(out, "w") as other:
+        for entry in whole.infolist():
+            is_server = entry.filename == "resources/server.py"
+            other.writestr(entry, server if is_server else whole.read(entry))
+    return out
 
 
 def drive() -> list[VehicleState]:
