@@ -66,15 +66,16 @@ def test_profile_5_detects_every_bit_flip(payload, data_id, counter, bit):
     assert profile.counter_of(data) is None
 
 
-@pytest.mark.parametrize("protection", ["P02", "P05", "none"])
-def test_cantools_reads_every_protection_alike(protection):
+@pytest.mark.parametrize(("protection", "counters"), [("P02", 16), ("P05", 256), ("none", 1)])
+def test_cantools_reads_every_protection_alike(protection, counters):
     commands = messages(protection)["STEER_CMD"]
     assert commands.is_fd == (protection == "P05")
     for counter in (0, 15, 16, 255, 256):
         data = m.encode_steer_command(SteeringCommand(0.0, -0.7, 12.5), counter, rate_limit=0.4, message=commands)
         assert len(data) == commands.length
         theirs = load_dbc(protection).get_message_by_name("STEER_CMD").decode(data, decode_choices=False)
-        assert theirs["SteerCmd_Counter"] == counter % commands.profile.counters
+        assert theirs["SteerCmd_Counter"] == counter % counters
+        assert protection != "none" or theirs["SteerCmd_CRC"] == 0
         assert theirs["SteerCmd_Angle"] == pytest.approx(-0.7)
         assert m.decode_steer_command(data, 0.0, commands).command == SteeringCommand(
             0.0, pytest.approx(-0.7), pytest.approx(12.5)
