@@ -171,55 +171,59 @@ def _contact_damping(i, slide_x, slide_y, rolling, camber, load, friction, tyre)
 
 
 @njit(cache=True, nogil=True)
-def tyre(i, dt, car, state, sensors, xipos, xmat, qpos, qvel, qfrc, pairs, damping, patches):
-    """Shear of wheel `i` from its contact patch: a force and a moment on the wheel's body, or a tuned contact.
+def tyres(dt, car, state, sensors, xipos, xmat, qpos, qvel, qfrc, pairs, damping, patches):
+    """Shear of the wheels from their contact patches: a wrench on the joints, or tuned contacts.
+
+    All four in one call, because every call counts references to its arrays.
 
     Args:
-        i: Place in the wheels.
         dt: Step, in [s].
         car, state: Records of `CAR` and `STATE`.
-        sensors, xipos, xmat, qpos, qvel, qfrc: Views of MjData's arrays; the wheel's share is added to `qfrc`.
+        sensors, xipos, xmat, qpos, qvel, qfrc: Views of MjData's arrays; `qfrc` is written.
         pairs, damping: Friction and friction reference of the tyre pairs in mjModel; written in `contact` mode.
         patches: See `friction_at`.
     """
-    at, wheel = PATCH * i, car["wheel"][i]
-    depth, velocity = sensors[at + 1], vector(sensors, at + 11)
-    load = -car["tyre_stiffness"] * depth - car["tyre_damping"] * velocity[0]
-    if car["mode"] == _STOCK:
-        load = sensors[_FORCE + 3 * i]
-    if sensors[at] == 0.0 or load <= 0.0:
-        _lift(i, state)
-        return
-    point, normal, tangent = vector(sensors, at + 2), vector(sensors, at + 5), vector(sensors, at + 8)
-    ahead, left, lean = _axes((xmat[wheel, 1], xmat[wheel, 4], xmat[wheel, 7]), normal)
-    second = cross(normal, tangent)
-    along, across = (dot(tangent, ahead), dot(second, ahead)), (dot(tangent, left), dot(second, left))
-    slide_x = velocity[1] * along[0] + velocity[2] * along[1]
-    slide_y = velocity[1] * across[0] + velocity[2] * across[1]
-    slide_x -= car["belt"][0] * ahead[0] + car["belt"][1] * ahead[1]
-    slide_y -= car["belt"][0] * left[0] + car["belt"][1] * left[1]
-    arm = (point[0] - xipos[wheel, 0], point[1] - xipos[wheel, 1], point[2] - xipos[wheel, 2])
-    radius = math.sqrt(dot(arm, arm))
-    rolling, camber = slide_x + qvel[car["spin"][i]] * radius, math.asin(lean)
-    friction = friction_at(point[0], point[1], car["friction"], patches)
-    state["friction"][i], state["load"][i], state["arm"][i] = friction, load, radius
-    u = state["deflection"]
-    u[i, 0], u[i, 1], kappa, alpha = relaxed_slip(u[i, 0], u[i, 1], slide_x, slide_y, rolling, dt, car["tyre"])
-    state["slip"][i, 0], state["slip"][i, 1] = kappa, alpha
-    if car["mode"] == 0:
-        fx, fy, moment = _law(i, kappa, alpha, camber, load, friction, car["tyre"])
-        state["shear"][i, 0], state["shear"][i, 1] = fx, fy
-        borne = load if car["bears_load"] != 0 else 0.0
-        force, torque = _wrench(arm, ahead, left, normal, depth, fx, fy, moment, borne)
-        push(i, car, xipos, xmat, qpos, qfrc, force, torque)
-        return
-    _, solved_x, solved_y = vector(sensors, _FORCE + 3 * i)
-    state["shear"][i, 0] = solved_x * along[0] + solved_y * along[1]
-    state["shear"][i, 1] = solved_x * across[0] + solved_y * across[1]
-    if car["mode"] == _CONTACT:
-        c = _contact_damping(i, slide_x, slide_y, rolling, camber, load, friction, car["tyre"])
-        damping[i, 1] = -c * car["damping_scale"][i]
-        pairs[i, 0] = pairs[i, 1] = friction * max(car["tyre"][0]["p_dx1"], car["tyre"][0]["p_dy1"])
+    for k in range(len(qfrc)):
+        qfrc[k] = 0.0
+    for i in range(4):
+        at, wheel = PATCH * i, car["wheel"][i]
+        depth, velocity = sensors[at + 1], vector(sensors, at + 11)
+        load = -car["tyre_stiffness"] * depth - car["tyre_damping"] * velocity[0]
+        if car["mode"] == _STOCK:
+            load = sensors[_FORCE + 3 * i]
+        if sensors[at] == 0.0 or load <= 0.0:
+            _lift(i, state)
+            continue
+        point, normal, tangent = vector(sensors, at + 2), vector(sensors, at + 5), vector(sensors, at + 8)
+        ahead, left, lean = _axes((xmat[wheel, 1], xmat[wheel, 4], xmat[wheel, 7]), normal)
+        second = cross(normal, tangent)
+        along, across = (dot(tangent, ahead), dot(second, ahead)), (dot(tangent, left), dot(second, left))
+        slide_x = velocity[1] * along[0] + velocity[2] * along[1]
+        slide_y = velocity[1] * across[0] + velocity[2] * across[1]
+        slide_x -= car["belt"][0] * ahead[0] + car["belt"][1] * ahead[1]
+        slide_y -= car["belt"][0] * left[0] + car["belt"][1] * left[1]
+        arm = (point[0] - xipos[wheel, 0], point[1] - xipos[wheel, 1], point[2] - xipos[wheel, 2])
+        radius = math.sqrt(dot(arm, arm))
+        rolling, camber = slide_x + qvel[car["spin"][i]] * radius, math.asin(lean)
+        friction = friction_at(point[0], point[1], car["friction"], patches)
+        state["friction"][i], state["load"][i], state["arm"][i] = friction, load, radius
+        u = state["deflection"]
+        u[i, 0], u[i, 1], kappa, alpha = relaxed_slip(u[i, 0], u[i, 1], slide_x, slide_y, rolling, dt, car["tyre"])
+        state["slip"][i, 0], state["slip"][i, 1] = kappa, alpha
+        if car["mode"] == 0:
+            fx, fy, moment = _law(i, kappa, alpha, camber, load, friction, car["tyre"])
+            state["shear"][i, 0], state["shear"][i, 1] = fx, fy
+            borne = load if car["bears_load"] != 0 else 0.0
+            force, torque = _wrench(arm, ahead, left, normal, depth, fx, fy, moment, borne)
+            push(i, car, xipos, xmat, qpos, qfrc, force, torque)
+            continue
+        _, solved_x, solved_y = vector(sensors, _FORCE + 3 * i)
+        state["shear"][i, 0] = solved_x * along[0] + solved_y * along[1]
+        state["shear"][i, 1] = solved_x * across[0] + solved_y * across[1]
+        if car["mode"] == _CONTACT:
+            c = _contact_damping(i, slide_x, slide_y, rolling, camber, load, friction, car["tyre"])
+            damping[i, 1] = -c * car["damping_scale"][i]
+            pairs[i, 0] = pairs[i, 1] = friction * max(car["tyre"][0]["p_dx1"], car["tyre"][0]["p_dy1"])
 
 
 @njit(cache=True, nogil=True)

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 from numba import config, njit, types
 
-from sidestep.plant_models.contact_tyre import PATCH, dot, tyre
+from sidestep.plant_models.contact_tyre import PATCH, dot, tyres
 from sidestep.plant_models.linear_plant import steered
 from sidestep.plant_models.speed_control import limited_acceleration
 
@@ -162,10 +162,7 @@ def advance(
             mocap_pos[k] = (1.0 - share) * track[0, k] + share * track[1, k]
         _mj_step1(model, data)
         observe(cars, states, qpos, qvel)
-        for k in range(len(qfrc)):
-            qfrc[k] = 0.0
-        for i in range(4):
-            tyre(i, dt, car, state, sensors, xipos, xmat, qpos, qvel, qfrc, pairs, damping, patches)
+        tyres(dt, car, state, sensors, xipos, xmat, qpos, qvel, qfrc, pairs, damping, patches)
         _wheel_torques(dt, car, state, qvel, ctrl)
         _steer(dt, car, state, ctrl)
         if sensors[4 * PATCH] > 0.0:
