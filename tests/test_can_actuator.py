@@ -177,6 +177,14 @@ def test_angle_limit_on_both_sides(limit):
         assert bench.angle == pytest.approx(got, abs=2.6e-5)
 
 
+def test_a_rate_limit_of_zero_still_lets_the_angle_stay():
+    bench = driving()
+    bench.send(3, rate_limit=0.0)
+    assert (bench.actuator.state, bench.actuator.implausible) == (ACTIVE, 0)
+    bench.step(bench.frame(angle=0.21, rate_limit=0.0))
+    assert bench.actuator.implausible == 1
+
+
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize(("dt", "step", "followed"), [(0.01, 0.0599, True), (0.01, 0.0601, False), (0.02, 0.0699, True),
                                                       (0.02, 0.0701, False)])  # fmt: skip
