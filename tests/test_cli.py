@@ -135,6 +135,8 @@ def test_a_failed_run_is_exit_status_1(tmp_path):
         (["broken.toml"], ["broken.toml", "TOML"]),
         (["single-obstacle", "--set", "sped=3"], ["sped: unknown key, did you mean speed?"]),
         (["single-obstacle", "--set", "speed=fast"], ["speed: 'fast'", "a number"]),
+        (["single-obstacle", "--set", "speed=1e300"], ["speed: 1e+300", "up to 1e+09"]),
+        (["single-obstacle", "--set", "plant.mass=1e-9"], ["plant.mass: 1e-09", ">= 0.01"]),
         (["single-obstacle", "--set", "road.width_left=-4"], ["road.width_left: -4", "> 0"]),
         (["single-obstacle", "--set", "obstacles.0.width=-1"], ["obstacles[0].width", "> 0"]),
         (["single-obstacle", "--set", "obstacles.0.s=1"], ["obstacles[0]", "start"]),
@@ -195,6 +197,46 @@ def test_bad_usage_is_one_line_too(arguments, words, capsys):
     assert error.count("\n") == 1
     assert error.startswith("sidestep: ")
     assert words in error
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["can", "monitor", "--once", "--duration", "2"], "--duration: not allowed with argument --once"),
+        (["run", "moose", "--isolate", "nan"], "--isolate: 'nan' is no number > 0"),
+    ],
+)
+def test_options_that_exclude_each_other_or_make_no_sense(arguments, words, capsys):
+    with pytest.raises(SystemExit) as done:
+        main(arguments)
+    assert done.value.code == 2
+    assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["fmu", "check", "nope.fmu"], "nope.fmu: no such file"),
+        (["fmu", "export", "moose", "--ssp", "--fmi", "3"], "--fmi: 3: a system is of FMI 2.0"),
+        (["fmu", "export", "moose", "--ssp", "--set", "plant.delay=0.1"], "plant: the system's plant is that of"),
+        (["fmu", "export", "moose", "--set", "plant.friction=0.6"], "--set plant: makes no difference to the"),
+        (["fmu", "export", "moose", "--out", "."], "--out: cannot write '.'"),
+        (["fmu", "build", "linear", "--out", "."], "--out: cannot write '.'"),
+        (["can", "faults", "--spec", "a.toml", "--seed", "0"], "--seed: makes no difference beside --spec"),
+        (["can", "replay", "a.blf", "--out", "x"], "--out: makes no difference without --what-if"),
+        (["can", "replay", "a.blf", "--what-if", "moose", "--can", "socketcan:vcan0"], "--can: makes no difference"),
+        (["can", "replay", "a.blf", "--what-if", "moose"], "a.blf: cannot be read (No such file or directory); al"),
+        (["can", "replay", "junk.blf", "--what-if", "moose"], "junk.blf: cannot be read (no CAN log of the kind .bl"),
+        (["can", "replay", "junk.csv", "--what-if", "moose"], "junk.csv: holds no CAN frame; allowed: .blf, .asc"),
+    ],
+)
+def test_fmu_and_can_say_what_cannot_be_used(arguments, words, tmp_path, capsys):
+    for name in ("junk.blf", "junk.csv"):
+        (tmp_path / name).write_text("nothing\n")
+    assert main(arguments) == 2
+    shown = capsys.readouterr()
+    assert shown.err.startswith(f"sidestep: {words}")
+    assert (shown.out, shown.err.count("\n"), files(tmp_path)) == ("", 1, ["junk.blf", "junk.csv"])
 
 
 @pytest.mark.parametrize(

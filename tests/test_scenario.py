@@ -149,7 +149,7 @@ def test_an_fmu_is_found_from_the_files_folder_and_named_without_it(file, tmp_pa
         ("speed=true", "speed: True cannot be used; allowed: a number"),
         ("speed=-1", "speed: -1 cannot be used; allowed: a number > 0"),
         ("speed=nan", "speed: nan"),
-        ("duration=inf", "duration: inf; allowed: a finite number"),
+        ("duration=inf", "duration: inf; allowed: a finite number up to 1e+09"),
         ("name=a/b", "name: 'a/b' cannot be used"),
         ("road=3", "road: 3 cannot be used; allowed: a table"),
         ("obstacles=3", "obstacles: 3 cannot be used; allowed: a list"),

@@ -9,10 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.arguments import positive_number, seed, whole_number
+from sidestep.validation.arguments import positive_number, refuse_beside, seed, whole_number
 
 if TYPE_CHECKING:
     from sidestep.controller.can_port.bus import Bus
+
+
+_CASES, _CORRUPT = 500, 1_000_000
+"""Of `can faults`: cases, and corrupt frames."""
 
 
 def add_can(commands: argparse._SubParsersAction) -> None:
@@ -31,23 +35,22 @@ def add_can(commands: argparse._SubParsersAction) -> None:
         )  # fmt: skip
     monitor = parts.add_parser("monitor", help="decoded signals with their E2E state, live")
     _bus_options(monitor)
-    monitor.add_argument("--once", action="store_true", help="one table after a second")
-    monitor.add_argument("--duration", type=positive_number, metavar="S", help="end after so many seconds")
+    until = monitor.add_mutually_exclusive_group()
+    until.add_argument("--once", action="store_true", help="one table after a second")
+    until.add_argument("--duration", type=positive_number, metavar="S", help="end after so many seconds")
     monitor.add_argument("--candump", metavar="FILE", help="write what candump -L would; - for the terminal")
     monitor.add_argument("--log", type=Path, metavar="FILE", help="log to .blf, .asc, .log or .csv")
     monitor.set_defaults(command=_monitor)
     replay = parts.add_parser("replay", help="a log as plant on a bus, or what the controller would have sent")
     replay.add_argument("log", type=Path, metavar="LOG", help=".blf, .asc, .log or .csv")
     replay.add_argument("--what-if", metavar="SCENARIO", help="ask this scenario's controller instead of sending")
-    replay.add_argument("--out", type=Path, default=Path("what-if"), metavar="DIR", help="default: %(default)s")
+    replay.add_argument("--out", type=Path, metavar="DIR", help="of --what-if; default: what-if")
     _bus_options(replay)
     replay.set_defaults(command=_replay)
     faults = parts.add_parser("faults", help="seeded faults in virtual time: does anything unsafe pass?")
-    faults.add_argument("--count", type=whole_number, default=500, metavar="N", help="cases (default: %(default)s)")
-    faults.add_argument(
-        "--corrupt", type=whole_number, default=1_000_000, metavar="N", help="default: %(default)s frames"
-    )
-    faults.add_argument("--seed", type=seed, default=0, help="of the first case (default: %(default)s)")
+    faults.add_argument("--count", type=whole_number, metavar="N", help=f"cases (default: {_CASES})")
+    faults.add_argument("--corrupt", type=whole_number, metavar="N", help=f"default: {_CORRUPT} frames")
+    faults.add_argument("--seed", type=seed, help="of the first case (default: 0)")
     faults.add_argument("--spec", type=Path, metavar="FAULTS.toml", help="one description instead of the cases")
     faults.set_defaults(command=_faults)
     dbc = parts.add_parser("dbc", help="the message database, to stdout")
@@ -180,7 +183,11 @@ def _replay(options: argparse.Namespace) -> int:
     from sidestep.validation.can_replay import replay_as_plant, what_if
 
     if options.what_if:
-        return what_if(options.log, options.what_if, options.out, options.protection)
+        bus = None if options.can == "auto" else options.can
+        refuse_beside("--what-if", {"--can": bus, "--allow-real-bus": options.allow_real_bus})
+        return what_if(options.log, options.what_if, options.out or Path("what-if"), options.protection)
+    if options.out:
+        raise InputError("--out", "makes no difference without --what-if", "both, or neither")
     with _shared_bus(options) as bus:
         print(f"{replay_as_plant(options.log, bus, options.protection)} frames sent on {bus.spec}")
     return 0
@@ -190,8 +197,10 @@ def _faults(options: argparse.Namespace) -> int:
     from sidestep.validation.can_campaign import campaign, one_case
 
     if options.spec:
+        others = {"--count": options.count, "--corrupt": options.corrupt, "--seed": options.seed}
+        refuse_beside("--spec", others)
         return one_case(options.spec)
-    return campaign(options.count, options.corrupt, options.seed)
+    return campaign(options.count or _CASES, options.corrupt or _CORRUPT, options.seed or 0)
 
 
 def _dbc(options: argparse.Namespace) -> int:

@@ -29,10 +29,10 @@ def replay_as_plant(log: Path, bus: Bus, protection: Protection = "P02") -> int:
     Raises:
         InputError: The log cannot be read, or holds none of our messages.
     """
-    ours = {m.frame_id for m in messages(protection).values() if m.sender != "CTRL"}
-    frames = [message for message in read_log(log) if message.arbitration_id in ours]
+    ours = {m.frame_id: m.name for m in messages(protection).values() if m.sender != "CTRL"}
+    frames = [message for message in _read(log) if message.arbitration_id in ours]
     if not frames:
-        raise InputError(str(log), "holds no frame of a vehicle")
+        raise InputError(str(log), "holds no frame of a vehicle", f"a log with {', '.join(ours.values())}")
     zero, sent = time.monotonic() - frames[0].timestamp, 0
     for message in frames:
         time.sleep(max(0.0, zero + message.timestamp - time.monotonic()))
@@ -48,9 +48,10 @@ def what_if(log: Path, name: str, out: Path, protection: Protection = "P02") -> 
     """
     scenario = load_scenario(name)
     controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
-    columns = compare(list(read_log(log)), ControllerNode(controller, messages(protection)), protection)
+    columns = compare(_read(log), ControllerNode(controller, messages(protection)), protection)
     if not len(columns["time"]):
-        raise InputError(str(log), "never has both a state to steer by and a command to compare with")
+        allowed = "a log of both nodes, as `sidestep can drive` writes one, with the same protection"
+        raise InputError(str(log), "never has both a state to steer by and a command to compare with", allowed)
     with made(out), written_to(out):
         write_columns(out / "what_if.csv", columns, _UNITS)
         figure(columns).savefig(out / "what_if.svg")
@@ -60,6 +61,27 @@ def what_if(log: Path, name: str, out: Path, protection: Protection = "P02") -> 
         f"largest {difference.max():.5f} rad\nplot: {out / 'what_if.svg'}"
     )
     return 0
+
+
+def _read(log: Path) -> list[can.Message]:
+    try:
+        frames = list(read_log(log))
+    except InputError as error:
+        cause = error.__cause__
+        if cause is None:
+            raise
+        why = (
+            cause.strerror
+            if isinstance(cause, OSError)
+            else f"no CAN log of the kind {log.suffix}, or cut short: {cause}"
+        )
+        raise InputError(str(log), f"cannot be read ({why})", _LOGS) from error
+    if not frames:
+        raise InputError(str(log), "holds no CAN frame", _LOGS)
+    return frames
+
+
+_LOGS = ".blf, .asc, .log (candump) or .csv with CAN frames, as python-can writes them"
 
 
 def compare(log: Sequence[can.Message], node: ControllerNode, protection: Protection = "P02") -> dict[str, Array]:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from sidestep.plant_models.errors import InputError, PlantError
+from sidestep.validation.arguments import positive_number
 from sidestep.validation.campaign_commands import add_campaign
 from sidestep.validation.can_commands import add_can
 from sidestep.validation.compare_commands import add_compare, add_golden
@@ -98,7 +99,7 @@ def _add_run(commands: argparse._SubParsersAction) -> None:
     run.add_argument("--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, or an .fmu file")
     run.add_argument("--map", type=Path, metavar="MAP.toml", help="mapping file of an FMU that is not ours")
     run.add_argument(
-        "--isolate", type=float, nargs="?", const=5.0, metavar="SECONDS",
+        "--isolate", type=positive_number, nargs="?", const=5.0, metavar="SECONDS",
         help="run an FMU in a process of its own, with this time limit a step (default: %(const)s)",
     )  # fmt: skip
     run.add_argument("--can", metavar="BUS", help="auto (default), off (default with --from), or INTERFACE:CHANNEL")

@@ -4,6 +4,8 @@ import argparse
 import shutil
 from pathlib import Path
 
+from sidestep.plant_models.errors import InputError
+
 
 def add_fmu(commands: argparse._SubParsersAction) -> None:
     """Add `fmu` and what is below it to the commands of `sidestep`."""
@@ -28,7 +30,7 @@ def _add_build(commands: argparse._SubParsersAction) -> None:
 def _add_export(commands: argparse._SubParsersAction) -> None:
     export = commands.add_parser("export", help="make an FMU of the controller of a scenario")
     export.add_argument("scenario", metavar="SCENARIO", help="a name that `sidestep scenarios` lists, or a TOML file")
-    export.add_argument("--fmi", type=int, default=3, choices=(2, 3), help="default: %(default)s")
+    export.add_argument("--fmi", type=int, choices=(2, 3), help="default: 3")
     export.add_argument("--out", type=Path, metavar="FILE", help="default: SCENARIO-controller.fmu, or SCENARIO.ssp")
     export.add_argument(
         "--ssp", action="store_true",
@@ -57,8 +59,10 @@ def _add_check(commands: argparse._SubParsersAction) -> None:
 
 def _build(options: argparse.Namespace) -> int:
     from sidestep.fmu.build import build_fmu
+    from sidestep.validation.files import check_file
 
     out = options.out or Path(f"{options.model}.fmu")
+    check_file(out, "--out")
     print(build_fmu(options.model, options.fmi, out, everywhere=options.platform == "all"))
     return 0
 
@@ -68,10 +72,20 @@ def _export(options: argparse.Namespace) -> int:
     from sidestep.fmu.export import export_controller, start_plant
     from sidestep.fmu.plants import MODELS
     from sidestep.fmu.ssp import write_ssp
+    from sidestep.validation.files import check_file
+    from sidestep.validation.plant_settings import PlantSettings
     from sidestep.validation.scenario import load_scenario
 
+    check_file(options.out, "--out")
     scene = load_scenario(options.scenario, options.overrides)
-    fmi = 2 if options.ssp else options.fmi  # which every master of systems opens
+    if options.ssp:
+        if options.fmi == 3:
+            raise InputError("--fmi", "3: a system is of FMI 2.0, which every master opens", "2")
+        if scene.plant != PlantSettings(scene.plant.kind, scene.plant.friction):
+            raise InputError("plant", "the system's plant is that of `fmu build`", "plant.kind and plant.friction")
+    elif any(change.startswith("plant") for change in options.overrides):
+        raise InputError("--set plant", "makes no difference to the controller", "with --ssp")
+    fmi = 2 if options.ssp else options.fmi or 3
     controller = export_controller(
         scene.name, scene.vehicle, scene.path, scene.obstacles, scene.controller, scene.start, fmi
     )
@@ -88,8 +102,9 @@ def _export(options: argparse.Namespace) -> int:
 def _info(options: argparse.Namespace) -> int:
     from sidestep.fmu.archive import unpack
     from sidestep.fmu.proposal import describe, propose_mapping
-    from sidestep.validation.files import write_text, written_file
+    from sidestep.validation.files import check_file, write_text, written_file
 
+    check_file(options.map, "--map")
     fmu = unpack(options.file)
     try:
         text, proposal = describe(fmu), propose_mapping(fmu, options.file)
@@ -105,6 +120,8 @@ def _info(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace) -> int:
     from sidestep.fmu.findings import check_fmu
 
+    if not options.file.is_file():
+        raise InputError(str(options.file), "no such file", "an .fmu file")
     findings = check_fmu(options.file)
     for who, what in findings:
         print(f"{who:10}{what}")

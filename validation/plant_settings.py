@@ -11,6 +11,7 @@ from sidestep.validation.tables import built, checked, file_at
 
 Positive = Annotated[float, Meta(gt=0.0)]
 NotNegative = Annotated[float, Meta(ge=0.0)]
+Factor = Annotated[float, Meta(ge=0.01, le=100.0)]
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,8 @@ class PlantSettings:
     heights: Any = None
     map: str = ""
     steer_offset: float = 0.0
-    mass: Positive = 1.0
-    stiffness: Positive = 1.0
+    mass: Factor = 1.0
+    stiffness: Factor = 1.0
     delay: NotNegative = 0.0
     noise: NotNegative = 0.0
     noise_seed: Annotated[int, Meta(ge=0)] = 0

@@ -1,7 +1,6 @@
 """Tables of a TOML file checked against dataclasses, and overrides by dotted key; every error names its key."""
 
 import difflib
-import math
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -43,7 +42,7 @@ def checked(
         Only the keys that the table has; nested tables as dictionaries.
 
     Raises:
-        InputError: Unknown or missing key, or a value of another type, not finite, or out of its bounds.
+        InputError: Unknown or missing key, or a value of another type, too large, or out of its bounds.
     """
     if not isinstance(table, dict):
         raise InputError(where, f"{table!r} is not a table")
@@ -96,8 +95,8 @@ def _value(hint: Any, value: Any, where: str, partial: bool) -> Any:
         result = msgspec.convert(value, hint)
     except msgspec.ValidationError as error:
         raise InputError(where, f"{value!r} cannot be used", _in_words(hint, str(error))) from error
-    if isinstance(result, float) and not math.isfinite(result):
-        raise InputError(where, f"{value}", "a finite number")
+    if isinstance(result, float) and not abs(result) <= _LARGEST:
+        raise InputError(where, f"{value}", f"a finite number up to {_LARGEST:g}")
     return result
 
 
@@ -111,6 +110,8 @@ def _in_words(hint: Any, message: str) -> str:
     return expected.partition(", got")[0]
 
 
+_LARGEST = 1e9
+"""Of a number in any unit; what is larger overflows on its way through a run."""
 _WORDS = {"float": "a number", "str": "text", "int": "a whole number", "object": "a table", "array": "a list"}
 
 
