@@ -66,6 +66,7 @@ def test_the_controller_drives_a_scenario_as_a_manoeuvre(tmp_path, capsys):
     [
         (["--manoeuvres", "--quick"], "--quick: makes no difference beside --manoeuvres"),
         (["--manoeuvres", "--out", "a"], "--out: makes"),
+        (["--manoeuvre", ""], "--manoeuvre: ''"),
         (["--manoeuvre", "coast", "--quick"], "--quick: makes no difference beside --manoeuvre coast"),
         (["--manoeuvre", "coast", "--jobs", "2"], "--jobs: makes"),
         (["--manoeuvre", "coast", "--junit", "j.xml"], "--junit: makes"),

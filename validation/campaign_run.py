@@ -91,7 +91,7 @@ def run_campaign(
         InputError: The journal or the cluster cannot be used.
     """
     every = cases(campaign)
-    with open_journal(file, _head(campaign)) as journal, _workers(jobs, dask) as run:
+    with _workers(jobs, dask) as run, open_journal(file, _head(campaign)) as journal:
         done = {row["row"] for row in journal.rows}
         left = [case for case in every if case.row not in done]
         with progress_bar(campaign.name, len(every), counting=True) as progress:

@@ -163,8 +163,8 @@ def _run(options: argparse.Namespace) -> int:
 
     isolated = [] if options.isolate is None else [f"plant.isolate={options.isolate}"]
     changes = [*options.overrides, *plant_overrides(options), *isolated]
-    row, can = None, options.can or ("off" if options.row else "auto")
-    if options.row:
+    row, can = None, ("off" if options.row else "auto") if options.can is None else options.can
+    if options.row is not None:
         scenario, row = replayed(options.row, changes)
     else:
         scenario = load_scenario(options.scenario, changes)
@@ -195,7 +195,7 @@ def _run(options: argparse.Namespace) -> int:
 def plant_overrides(options: argparse.Namespace) -> list[str]:
     """What `--plant` and `--map` change in the scenario file."""
     overrides = []
-    if options.plant:
+    if options.plant is not None:
         plant = str(Path(options.plant).absolute()) if options.plant.endswith(".fmu") else options.plant
         overrides.append(f"plant.kind={json.dumps(plant)}")
     if options.map:

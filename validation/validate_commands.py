@@ -55,7 +55,7 @@ def _validate(options: argparse.Namespace) -> int:
     check_file(options.junit, "--junit")
     out = options.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-validate"
     overrides = [*options.overrides, *plant_overrides(options)]
-    if options.manoeuvre:
+    if options.manoeuvre is not None:
         from sidestep.validation.manoeuvre_run import run_manoeuvre
         from sidestep.validation.manoeuvres import MANOEUVRES
 
