@@ -1,9 +1,12 @@
 """`sidestep validate` and `sidestep identify` from end to end, on the plant that is quickest."""
 
+import errno
 import json
+import os
 from xml.etree import ElementTree
 
 import pytest
+from matplotlib.figure import Figure
 
 from sidestep.plant_models.vehicle import VehicleParameters
 from sidestep.validation import plant_report
@@ -49,6 +52,17 @@ def test_one_manoeuvre_leaves_signals_and_a_picture(tmp_path, capsys):
     assert columns["time"][-1] == pytest.approx(4.0)
     assert (tmp_path / "pulse-1.png").stat().st_size > 10_000
     assert "yaw rate, 18571" in capsys.readouterr().out
+
+
+def test_a_disk_that_fills_up_is_one_line(tmp_path, monkeypatch, capsys):
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Figure, "savefig", full)
+    assert main(["validate", "--manoeuvre", "pulse", "--plant", "linear", "--out", str(tmp_path)]) == 2
+    assert capsys.readouterr().err == (
+        f"sidestep: --out: cannot write to '{tmp_path}' (No space left on device); allowed: a writable folder\n"
+    )
 
 
 def test_the_controller_drives_a_scenario_as_a_manoeuvre(tmp_path, capsys):

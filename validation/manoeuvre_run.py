@@ -8,7 +8,7 @@ from sidestep.plant_models.linear_plant import LinearPlant
 from sidestep.plant_models.vehicle import VehicleParameters
 from sidestep.validation.driven_manoeuvres import DRIVEN, driven_manoeuvre
 from sidestep.validation.envelope import open_loop_scenario
-from sidestep.validation.files import made
+from sidestep.validation.files import made, written_to
 from sidestep.validation.handling import figures_of, overlay, ratings
 from sidestep.validation.junit import JunitCase, write_junit
 from sidestep.validation.limits import new_table, show
@@ -72,8 +72,10 @@ def _open_loop(name: str, overrides: Sequence[str], out: Path) -> None:
             for figure, value in ratings(reference, response).items():
                 table.add_row(figure, value, "")
             show(table)
-            write_columns(out / f"{name}-{number}.csv", response, RESPONSE_UNITS)
-            overlay(manoeuvre.label, response, reference, scenario.plant.name).savefig(out / f"{name}-{number}.png")
+            figure = overlay(manoeuvre.label, response, reference, scenario.plant.name)
+            with written_to(out):
+                write_columns(out / f"{name}-{number}.csv", response, RESPONSE_UNITS)
+                figure.savefig(out / f"{name}-{number}.png")
     show(f"signals and pictures: {out}")
 
 

@@ -21,7 +21,7 @@ from sidestep.validation.envelope import (
 )  # fmt: skip
 from sidestep.validation.envelope_figure import MODEL_TITLES, envelope_chart, limits_chart
 from sidestep.validation.evidence import Evidence, Table
-from sidestep.validation.files import made, write_text
+from sidestep.validation.files import made, write_text, written_to
 from sidestep.validation.handling import bode, figures_of, overlay
 from sidestep.validation.junit import JunitCase, write_junit
 from sidestep.validation.limits import new_table, show
@@ -93,10 +93,11 @@ def validate_plant(
         group = f"sidestep.validate.{found.plant}"
         cases = [JunitCase(group, item.title, "" if item.passed else why) for item, why in judged]
         write_junit(junit, "sidestep validate", [*cases, *junit_cases(checks)])
-    write_text(out / "validity.json", strict_json({"command_line": command_line} | found.as_tables()))
-    for name, item in zip(("envelope-straight", "envelope-curved", "limits"), evidence, strict=False):
-        if item.figure:
-            item.figure.savefig(out / f"{name}.png", dpi=150)
+    with written_to(out):
+        write_text(out / "validity.json", strict_json({"command_line": command_line} | found.as_tables()))
+        for name, item in zip(("envelope-straight", "envelope-curved", "limits"), evidence, strict=False):
+            if item.figure:
+                item.figure.savefig(out / f"{name}.png", dpi=150)
     context = {"Command": command_line, "Cells": f"{found.cells} a road, 3 manoeuvres of {DURATION:g} s in each",
                "Version": f"sidestep {version('sidestep')}", "Vehicle": scenario.vehicle.name}  # fmt: skip
     title = f"Validity of the prediction models on {found.plant}"
