@@ -18,7 +18,7 @@ from sidestep.controller.plan import Plan
 from sidestep.controller.planner import FREE, PlannedPath, PlannerSettings
 from sidestep.controller.prediction import SLOWEST, Prediction, advance
 from sidestep.controller.roll import Body, advance_roll, lateral_acceleration, roll_ahead
-from sidestep.controller.stopping import approach_speed, spare_braking
+from sidestep.controller.stopping import SWERVE_TIME, approach_speed, spare_braking, squeezed_speed
 from sidestep.controller.validity import Validity
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import ReferencePath
@@ -34,12 +34,6 @@ SHIFTED_PLAN_TIME = 0.2
 """How long the last good plan is followed when the QP fails, in [s]; longer than that is a FAULT."""
 PLANNER_REACH = 0.3
 """Stretch of road that the planner checks to both sides of a station, in lengths of the car."""
-SLOWING_SHARE = 0.5
-"""Share of the buffer that a prediction may use up, beside the tightening, before the car slows down for it."""
-SWERVE_TIME = 0.6
-"""How far ahead the swerve counts that braking must leave grip for, in [s]."""
-CREEP_SPEED = 2.0
-"""Speed left when the corridor cannot be held: standing still, the car would never come back into it, in [m/s]."""
 OBSERVED_SPEED = 3.0
 """Speed below which nothing is learned: sideslip is not defined well, in [m/s]."""
 TRUSTED_SLIP = 0.05
@@ -249,12 +243,13 @@ class SteeringController:
     def _longitudinal(self, corridor: Corridor, solution: Solution, v: float) -> tuple[float, float]:
         """Speed to hold, and free distance before what blocks the road."""
         config, target, distance = self.config, self._cruise or 0.0, math.inf
-        if corridor.path.blocker != FREE:
+        blocked = corridor.path.blocker != FREE
+        if blocked:
             distance = corridor.gap - config.standstill_gap
             target = min(target, approach_speed(distance, corridor.gap_speed, config.comfort_braking))
-        if solution.slack_corridor > config.tightening + SLOWING_SHARE * config.buffer:  # not at this speed
-            room = max(v * solution.time_to_excess - self.vehicle.front_extent, 0.0)
-            target = min(target, max(approach_speed(room, 0.0, config.comfort_braking), CREEP_SPEED))
+        excess = solution.slack_corridor - config.tightening
+        room = v * min(solution.time_to_excess, self._node_times[-1]) - self.vehicle.front_extent
+        target = min(target, squeezed_speed(excess, solution.time_to_excess, room, blocked, config))
         if self._command:  # slowing that comes and goes from step to step would only waste grip
             target = min(target, max(self._command.target_speed, v) + config.comfort_braking * config.period)
         swerve = v * float(np.abs(solution.states[: self._swerve_nodes, 3]).max())

@@ -2,6 +2,7 @@
 
 import math
 
+from sidestep.controller.config import ControllerConfig
 from sidestep.plant_models.vehicle import GRAVITY
 
 SPEED_RESPONSE = 1.0
@@ -10,6 +11,12 @@ metres from overshooting."""
 GRIP_SHARE, LEAST_BRAKING = 0.9, 1.0
 """Share of friction times gravity that braking and swerving share, and the braking that is always left [m/s^2]: the
 tyres give no more in both directions together."""
+SWERVE_TIME = 0.6
+"""How far ahead the swerve counts that braking must leave grip for, in [s]."""
+SLOWING_SHARE = 0.5
+"""Share of the buffer that a prediction may use up before the car slows down for it."""
+CREEP_SPEED = 2.0
+"""Speed left when the corridor cannot be held: standing still, the car would never come back into it, in [m/s]."""
 GAP_TIME = 2.0
 """Time in which a gap that is too small is opened again, in [s]."""
 
@@ -38,3 +45,21 @@ def spare_braking(lateral: float, friction: float) -> float:
     """Deceleration that the tyres have left beside a lateral acceleration; both in [m/s^2]."""
     grip = GRIP_SHARE * friction * GRAVITY
     return math.sqrt(max(grip * grip - lateral * lateral, LEAST_BRAKING**2))
+
+
+def squeezed_speed(excess: float, after: float, room: float, blocked: bool, config: ControllerConfig) -> float:
+    """Target speed for a prediction that leaves the corridor, in [m/s]; infinite if that is no reason to slow down.
+
+    Braking takes grip from the swerve, so that what is near and only costs buffer is steered through.
+
+    Args:
+        excess: Of the prediction over the corridor without its tightening, in [m].
+        after: When it begins, in [s] from now.
+        room: From the front bumper to where it begins, in [m].
+        blocked: Whether the road is blocked, too: then nothing is gained by creeping on.
+        config: Settings of the controller.
+    """
+    touches = excess > config.buffer
+    if not touches and (excess <= SLOWING_SHARE * config.buffer or after <= SWERVE_TIME):
+        return math.inf
+    return max(approach_speed(max(room, 0.0), 0.0, config.comfort_braking), 0.0 if blocked else CREEP_SPEED)
