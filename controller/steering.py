@@ -249,7 +249,7 @@ class SteeringController:
             target = min(target, approach_speed(distance, corridor.gap_speed, config.comfort_braking))
         excess = solution.slack_corridor - config.tightening
         room = v * min(solution.time_to_excess, self._node_times[-1]) - self.vehicle.front_extent
-        target = min(target, squeezed_speed(excess, solution.time_to_excess, room, blocked, config))
+        target = min(target, squeezed_speed(excess, room, blocked, config))
         if self._command:  # slowing that comes and goes from step to step would only waste grip
             target = min(target, max(self._command.target_speed, v) + config.comfort_braking * config.period)
         swerve = v * float(np.abs(solution.states[: self._swerve_nodes, 3]).max())

@@ -8,9 +8,9 @@ from sidestep.plant_models.vehicle import GRAVITY
 SPEED_RESPONSE = 1.0
 """Response time assumed of the plant's speed control, in [s]: twice that of our plants, which keeps the last
 metres from overshooting."""
-GRIP_SHARE, LEAST_BRAKING = 0.9, 1.0
+GRIP_SHARE, LEAST_BRAKING = 0.85, 1.0
 """Share of friction times gravity that braking and swerving share, and the braking that is always left [m/s^2]: the
-tyres give no more in both directions together."""
+tyres give no more in both directions together, and the prediction does not know of what braking takes."""
 SWERVE_TIME = 0.6
 """How far ahead the swerve counts that braking must leave grip for, in [s]."""
 SLOWING_SHARE = 0.5
@@ -47,19 +47,15 @@ def spare_braking(lateral: float, friction: float) -> float:
     return math.sqrt(max(grip * grip - lateral * lateral, LEAST_BRAKING**2))
 
 
-def squeezed_speed(excess: float, after: float, room: float, blocked: bool, config: ControllerConfig) -> float:
+def squeezed_speed(excess: float, room: float, blocked: bool, config: ControllerConfig) -> float:
     """Target speed for a prediction that leaves the corridor, in [m/s]; infinite if that is no reason to slow down.
-
-    Braking takes grip from the swerve, so that what is near and only costs buffer is steered through.
 
     Args:
         excess: Of the prediction over the corridor without its tightening, in [m].
-        after: When it begins, in [s] from now.
         room: From the front bumper to where it begins, in [m].
         blocked: Whether the road is blocked, too: then nothing is gained by creeping on.
         config: Settings of the controller.
     """
-    touches = excess > config.buffer
-    if not touches and (excess <= SLOWING_SHARE * config.buffer or after <= SWERVE_TIME):
+    if excess <= SLOWING_SHARE * config.buffer:
         return math.inf
     return max(approach_speed(max(room, 0.0), 0.0, config.comfort_braking), 0.0 if blocked else CREEP_SPEED)
