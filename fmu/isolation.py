@@ -2,6 +2,7 @@
 
 import multiprocessing
 import signal
+import tempfile
 from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
@@ -52,7 +53,11 @@ class IsolatedPlant:
             raise InputError("isolate", f"{time_limit} s", "> 0")
         self.time_limit = time_limit
         self._process = _Process(_serve, build)
-        self.estimated: tuple[str, ...] = self._process.answer("the start", START_LIMIT)
+        try:
+            self.estimated: tuple[str, ...] = self._process.answer("the start", START_LIMIT)
+        except (InputError, PlantError):
+            self._process.end()
+            raise
 
     def reset(self, state: VehicleState) -> VehicleState:
         """Reset the plant behind.
@@ -82,12 +87,13 @@ class IsolatedPlant:
 
 
 class _Process:
-    """The other process and the connection to it."""
+    """The other process, the connection to it, and a folder for what it unpacks: dead, it cleans up nothing."""
 
     def __init__(self, serve: Callable[..., None], work: Callable[[], Any]):
+        self._folder = tempfile.TemporaryDirectory(prefix="sidestep-", ignore_cleanup_errors=True)
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
-        self.process = context.Process(target=serve, args=(theirs, work), daemon=True)
+        self.process = context.Process(target=_begin, args=(self._folder.name, serve, theirs, work), daemon=True)
         self.process.start()
         theirs.close()
 
@@ -126,6 +132,12 @@ class _Process:
         self.connection.close()
         self.process.kill()
         self.process.join()
+        self._folder.cleanup()
+
+
+def _begin(folder: str, serve: Callable[..., None], connection: Connection, work: Callable[[], Any]) -> None:
+    tempfile.tempdir = folder
+    serve(connection, work)
 
 
 def _call(connection: Connection, function: Callable[[], Any]) -> None:

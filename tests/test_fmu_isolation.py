@@ -2,6 +2,7 @@
 
 import os
 import signal
+import tempfile
 import time
 from functools import partial
 from multiprocessing import Pipe
@@ -25,11 +26,20 @@ STEP = "    Status status = engine_step(instance, time, duration);"
 AHEAD = SteeringCommand(0.0, 0.0, 15.0)
 
 
+@pytest.fixture
+def temporary(tmp_path, monkeypatch):
+    """Where temporary folders are made; what is left there should not be."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    return folder
+
+
 def children():
     return set(Path(f"/proc/self/task/{os.getpid()}/children").read_text().split())
 
 
-def test_a_hang_inside_an_fmu_is_an_error_within_the_limit_and_leaves_no_process(tmp_path):
+def test_a_hang_inside_an_fmu_is_an_error_within_the_limit_and_leaves_nothing(tmp_path, temporary):
     bad = patched(tmp_path, 3, STEP, "    if (time > 1.03) for (;;) {}\n" + STEP)
     before = children()
     with IsolatedPlant(partial(FmuPlant.from_file, bad), time_limit=60.0) as plant:
@@ -42,6 +52,7 @@ def test_a_hang_inside_an_fmu_is_an_error_within_the_limit_and_leaves_no_process
         with pytest.raises(PlantError, match="has ended"):
             plant.step(AHEAD, 0.02)
     assert children() - before <= {_resource_tracker()}
+    assert list(temporary.iterdir()) == []
 
 
 def _resource_tracker():
@@ -51,7 +62,7 @@ def _resource_tracker():
     return str(resource_tracker._resource_tracker._pid)
 
 
-def test_a_crash_in_a_run_ends_its_recording_there(tmp_path):
+def test_a_crash_in_a_run_ends_its_recording_there(tmp_path, temporary):
     bad = patched(tmp_path, 3, STEP, "    if (time > 0.995) abort();\n" + STEP)
     scenario = load_scenario("single-obstacle", [f"plant.kind={str(bad)!r}", "plant.isolate=30.0"])
     controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
@@ -60,6 +71,7 @@ def test_a_crash_in_a_run_ends_its_recording_there(tmp_path):
     assert recording.end is End.PLANT_INVALID
     assert "SIGABRT" in str(recording.error)
     assert recording["time"][-1] == pytest.approx(1.0)
+    assert list(temporary.iterdir()) == []
 
 
 @pytest.mark.parametrize(
