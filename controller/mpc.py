@@ -1,4 +1,4 @@
-"""The multi-constraint MPC: fills the QP of one step and has PIQP solve it."""
+"""The multi-constraint MPC: fills the QP of one step and has PIQP solve it where a bound acts."""
 
 import math
 import time
@@ -13,7 +13,17 @@ from numpy.typing import NDArray
 from sidestep.controller.car_model import Car
 from sidestep.controller.config import ControllerConfig
 from sidestep.controller.prediction import STATES, Prediction, grid, linearise
-from sidestep.controller.qp import NEAREST, RESERVE, SLACKS, add_violated, condense, fill_cost, fill_lines, fill_rows
+from sidestep.controller.qp import (
+    NEAREST,
+    RESERVE,
+    SLACKS,
+    add_violated,
+    condense,
+    fill_cost,
+    fill_lines,
+    fill_rows,
+    solve_freely,
+)
 from sidestep.plant_models.vehicle import VehicleParameters
 
 Array = NDArray[np.float64]
@@ -22,6 +32,8 @@ FIRST_CORRIDOR_TIME = 0.1
 """Earlier nodes get no corridor rows, in [s]: steering cannot move the car by a millimetre by then."""
 EPS = 1e-9
 """Absolute accuracy asked of PIQP, its duality gap included: 1e-8 leaves errors above 1e-5 rad/s in the first move."""
+UNCONSTRAINED = "UNCONSTRAINED"
+"""Status of an optimum that no bound acts on."""
 MAX_ITERATIONS = 60
 """Ten times what a step takes; beyond, the solver is stuck."""
 TOLERANCE = 1e-6
@@ -66,18 +78,17 @@ class Solution(NamedTuple):
 
     Attributes:
         z: Optimum, shape (n,).
-        states: Predicted states of `prediction`, first the present one, shape (N + 1, 6).
-        status: PIQP's status, in words.
+        status: PIQP's status, in words; UNCONSTRAINED if it was not needed.
         solved: Whether it is an optimum.
         iterations, primal_residual, dual_residual: PIQP's own figures; iterations summed over rounds.
         slack_corridor: How far the prediction leaves the corridor, in [m].
         slack_slip: How far it leaves the slip bound, in [rad].
         time_to_excess: When it first leaves the corridor by a centimetre, from now, in [s]; infinite if never.
+        states: Predicted states of `prediction`, first the present one, shape (N + 1, 6).
         build_us, solve_us: Time spent, in [us].
     """
 
     z: Array
-    states: Array
     status: str
     solved: bool
     iterations: int
@@ -86,23 +97,22 @@ class Solution(NamedTuple):
     slack_corridor: float
     slack_slip: float
     time_to_excess: float
+    states: Array
     build_us: float
     solve_us: float
 
 
 @njit(cache=True, nogil=True)
-def _fill(x0, speed, path, heading, turn_rate, bounds, times, states, roll, age, disturbance, slip_limits, moves, car,
-          grid, force_times, weights, limits, first, slip_nodes, soft, free, response, forces, lines, cost,
-          rows):  # fmt: skip
+def _fill(x0, speed, path, heading, turn_rate, bounds, times, states, roll, age, disturbance, slip_limits, car,
+          grid, force_times, weights, limits, first, slip_nodes, free, response, forces, lines, P, c, z):  # fmt: skip
     period, level, block, group = grid
     linearise(force_times + age, times, states, roll, speed, disturbance, car, forces)
     condense(x0, speed, car, period, level, block, group, forces, turn_rate, free, response)
-    fill_cost(speed, car, period, level, block, group, forces, path, heading, weights, free, response,
-              cost[0], cost[1])  # fmt: skip
+    fill_cost(speed, car, period, level, block, group, forces, path, heading, weights, free, response, P, c)
     values, slopes, low, high = lines
     fill_lines(speed, car, limits.levers, bounds, first, slip_nodes, slip_limits, limits.steer, block, group, forces,
                free, response, values, slopes, low, high)  # fmt: skip
-    fill_rows(moves, soft, values, slopes, low, high, rows[0], rows[1], rows[2])
+    return solve_freely(P, c, limits.rate, values, slopes, low, high, z)
 
 
 @njit(cache=True, nogil=True)
@@ -197,14 +207,14 @@ class Mpc:
     @property
     def problem(self) -> Problem:
         """The QP of the last solve; the next one overwrites its arrays."""
-        return self._used.problem
+        return (self._used or self._choose_rows()).problem
 
     def _time_of_line(self, line: int) -> float:
         return float(self.times[self._line_nodes[0] + line // 2]) if line < self.soft[0] else math.inf
 
     def reset(self) -> None:
         """Forget the last solution, which only chooses the rows to begin with."""
-        self._used = self._reduced
+        self._used: _Rows | None = self._reduced
         self.moves = np.zeros(self._prediction[1].shape[2])
 
     def solve(self, x0: Array, speed: float, path: Array, heading: Array, turn_rate: Array, bounds: Array,
@@ -212,12 +222,27 @@ class Mpc:
               car: Car) -> Solution:  # fmt: skip
         """Solve the step; arguments as in `qp` and `prediction.linearise`, all finite."""
         began = time.perf_counter()
-        rows = self._used = self._reduced
-        _fill(x0, speed, path, heading, turn_rate, bounds, *before, disturbance, slip_limits, self.moves, car,
-              self._grid, self._force_times, self._weights, self._limits, *self._line_nodes, self.soft,
-              *self._prediction, self.forces, self.lines, rows.cost, rows.rows)  # fmt: skip
+        cost, z = self._reduced.cost, np.empty(len(self.moves) + SLACKS)
+        kept = _fill(x0, speed, path, heading, turn_rate, bounds, *before, disturbance, slip_limits, car, self._grid,
+                     self._force_times, self._weights, self._limits, *self._line_nodes, *self._prediction,
+                     self.forces, self.lines, *cost, z)  # fmt: skip
         built = time.perf_counter()
-        used, iterations = 0, 0
+        self._used = None
+        found = (z, UNCONSTRAINED, True, 0, 0.0, 0.0, 0.0, 0.0, math.inf) if kept else self._solve_rows()
+        z, solved = found[0], found[2]
+        if solved:
+            self.moves = z[:-SLACKS]
+        states = _states(x0, z, *self._prediction)
+        return Solution(*found, states, 1e6 * (built - began), 1e6 * (time.perf_counter() - built))
+
+    def _choose_rows(self) -> _Rows:
+        self._used = self._reduced
+        fill_rows(self.moves, self.soft, *self.lines, *self._reduced.rows)
+        return self._reduced
+
+    def _solve_rows(self) -> tuple[Array, str, bool, int, float, float, float, float, float]:
+        """Solve with few rows and add what is violated; gives the first fields of Solution."""
+        rows, used, iterations = self._choose_rows(), 0, 0
         while True:
             status, result = rows.solve()
             iterations += int(result.info.iter)
@@ -231,13 +256,7 @@ class Mpc:
                 for into, of in zip(rows.cost, self._reduced.cost, strict=True):
                     into[:] = of
                 fill_rows(self.moves, self.soft, *self.lines, *rows.rows)
-        solved = status == piqp.PIQP_SOLVED
-        if solved:
-            self.moves = z[:-SLACKS]
-        ended = time.perf_counter()
-        return Solution(
-            z=z, states=_states(x0, z, *self._prediction), status=status.name, solved=solved, iterations=iterations,
-            primal_residual=float(result.info.primal_res), dual_residual=float(result.info.dual_res),
-            slack_corridor=corridor, slack_slip=slip, time_to_excess=self._time_of_line(first),
-            build_us=1e6 * (built - began), solve_us=1e6 * (ended - built),
+        return (
+            z, status.name, status == piqp.PIQP_SOLVED, iterations, float(result.info.primal_res),
+            float(result.info.dual_res), corridor, slip, self._time_of_line(first),
         )  # fmt: skip

@@ -24,7 +24,8 @@ class Plan(NamedTuple):
         roll: Predicted roll angle and rate, shape (N + 1, 2), in [rad] and [rad/s]; zeros without `body_roll`.
         states_s: Stations of `states`, shape (N + 1,), in [m].
         states_time: Times of `states` from now, shape (N + 1,), in [s].
-        solver_status: In the solver's words; "INPUT" if the input kept it from being asked.
+        solver_status: In the solver's words; "UNCONSTRAINED" if no bound acts, so that it was not needed, "INPUT" if
+            the input kept it from being asked.
         iterations, primal_residual, dual_residual: Of the solver.
         slack_corridor: How far the prediction leaves the corridor, in [m].
         slack_slip: How far it leaves the slip bound, in [rad].

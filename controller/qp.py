@@ -2,9 +2,10 @@
 
 Decision z = [blocked steering rates, corridor slack, slip slack]; the states are condensed out. What is
 bounded are lines: front and rear end of the footprint and front and rear slip angle at the nodes (soft), the
-commanded angle after each move (hard). Few of their bounds matter: those that the last solution came nearest
-to get a row, and one of the reserve goes to each other bound that a solution violates, until none is.
-When the reserve does not suffice, the problem is solved once more with both rows of every line.
+commanded angle after each move (hard). Mostly the optimum without any bound keeps them all, and is the optimum.
+Else few of them matter: those that the last solution came nearest to get a row, and one of the reserve goes to
+each other bound that a solution violates, until none is. When the reserve does not suffice, the problem is
+solved once more with both rows of every line.
 """
 
 import numpy as np
@@ -155,6 +156,45 @@ def fill_lines(speed, car, levers, bounds, first, slip_nodes, slip_limits, steer
             lines[i], slopes[i] = free[k, 5], response[k, 5]
             low[i], high[i] = -steer_limit, steer_limit
             i += 1
+
+
+@njit(cache=True, nogil=True)
+def solve_freely(P, c, rate, lines, slopes, low, high, z):
+    """Optimum without bounds and slacks, by elimination: P is positive definite and needs no pivots.
+
+    Args:
+        P, c: See `fill_cost`.
+        rate: Bound on the moves, in [rad/s].
+        lines, slopes, low, high: See `fill_lines`.
+        z: Filled, shape (n,).
+
+    Returns:
+        Whether it keeps all bounds; as slack only costs, no other z is better then.
+    """
+    moves = slopes.shape[1]
+    a = np.empty((moves, moves + 1))
+    for i in range(moves):
+        a[i, :moves], a[i, moves] = P[:moves, i], -c[i]
+    for k in range(moves):
+        for i in range(k + 1, moves):
+            factor = a[i, k] / a[k, k]
+            for j in range(k + 1, moves + 1):
+                a[i, j] -= factor * a[k, j]
+    z[:] = 0.0
+    for i in range(moves - 1, -1, -1):
+        value = a[i, moves]
+        for j in range(i + 1, moves):
+            value -= a[i, j] * z[j]
+        z[i] = value / a[i, i]
+        if abs(z[i]) > rate:
+            return False
+    for i in range(lines.shape[0]):
+        value = lines[i]
+        for q in range(moves):
+            value += slopes[i, q] * z[q]
+        if not low[i] <= value <= high[i]:
+            return False
+    return True
 
 
 @njit(cache=True, nogil=True)

@@ -7,7 +7,7 @@ import pytest
 
 from sidestep.controller import ControllerConfig, SteeringController
 from sidestep.controller.car_model import Car
-from sidestep.controller.mpc import Limits, Mpc, MpcWeights
+from sidestep.controller.mpc import UNCONSTRAINED, Limits, Mpc, MpcWeights
 from sidestep.controller.prediction import FRONT, RATE, REAR, TURN, Prediction, exponential, model_block, steady_gain
 from sidestep.controller.qp import SLACK_CURVATURE, SLACK_UNIT, SLACKS
 from sidestep.plant_models.linear_plant import LinearPlant
@@ -75,24 +75,53 @@ def test_first_move_is_the_exact_optimum(seed):
     assert solution.z[0] == pytest.approx(z[0], abs=1e-5)
 
 
+def multipliers(mpc, solution):
+    """Of upper and lower bounds of rows and variables; where none acts only slacks have one, which is their cost."""
+    p = mpc.problem
+    if solution.status != UNCONSTRAINED:
+        r = mpc._used._solver.result
+        return r.z_u, r.z_l, r.z_bu, r.z_bl
+    none = np.zeros(len(p.h_u))
+    return none, none, np.zeros(len(p.c)), np.where(np.arange(len(p.c)) < len(p.c) - SLACKS, 0.0, p.c)
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_kkt_residuals(seed):
     mpc = make()
     solution = mpc.solve(*case(mpc, seed))
-    p, r = mpc.problem, mpc._used._solver.result
-    z = solution.z
+    z_u, z_l, z_bu, z_bl = multipliers(mpc, solution)
+    p, z = mpc.problem, solution.z
     finite_u, finite_l = np.isfinite(p.h_u), np.isfinite(p.h_l)
-    stationarity = p.P @ z + p.c + p.G.T @ (r.z_u - r.z_l) + r.z_bu - r.z_bl
+    stationarity = p.P @ z + p.c + p.G.T @ (z_u - z_l) + z_bu - z_bl
     scale = max(1.0, np.abs(p.c).max())
     assert np.abs(stationarity).max() <= 1e-8 * scale
     value = p.G @ z
     assert np.maximum(value - p.h_u, p.h_l - value).max() <= 1e-8
     assert np.maximum(z - p.x_u, p.x_l - z).max() <= 1e-8
-    assert min(r.z_u.min(), r.z_l.min(), r.z_bu.min(), r.z_bl.min()) >= 0.0
+    assert min(z_u.min(), z_l.min(), z_bu.min(), z_bl.min()) >= 0.0
     complementarity = [
-        r.z_u[finite_u] * (p.h_u - value)[finite_u], r.z_l[finite_l] * (value - p.h_l)[finite_l],
+        z_u[finite_u] * (p.h_u - value)[finite_u], z_l[finite_l] * (value - p.h_l)[finite_l],
     ]  # fmt: skip
     assert max(np.abs(c).max(initial=0.0) for c in complementarity) <= 1e-7 * scale
+
+
+@pytest.mark.parametrize("line", [1, 3])
+def test_piqp_is_asked_where_a_bound_acts(line):
+    mpc = make()
+    x0, v, path, heading, turn_rate, bounds, *rest = case(mpc, 0)
+    bounds[::2], bounds[1::2] = -9.0, 9.0
+    free = mpc.solve(x0, v, path, heading, turn_rate, bounds, *rest)
+    assert free.status == UNCONSTRAINED
+    assert free.iterations == 0
+    offset = free.states[1:, 0] + LIMITS.levers[line // 2] * free.states[1:, 1]
+    node = len(offset) // 2
+    bounds[line, node] = offset[node] + 1e-9
+    assert np.array_equal(mpc.solve(x0, v, path, heading, turn_rate, bounds, *rest).z, free.z)
+    bounds[line, node] = offset[node] - 1e-6
+    bounded = mpc.solve(x0, v, path, heading, turn_rate, bounds, *rest)
+    assert bounded.status == "PIQP_SOLVED"
+    assert bounded.z == pytest.approx(free.z, abs=1e-5)
+    assert not np.array_equal(bounded.z, free.z)
 
 
 def test_prediction_is_the_simulated_model():

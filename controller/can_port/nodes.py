@@ -45,7 +45,8 @@ STALE = 0.05
 _UNDER_WAY = 3  # samples that may be incomplete at the same time
 _READABLE = ACCEPTED | {CheckStatus.INITIAL}
 _QP_STATUS = {
-    "PIQP_SOLVED": QpStatus.SOLVED, "PIQP_MAX_ITER_REACHED": QpStatus.MAX_ITERATIONS,
+    "UNCONSTRAINED": QpStatus.SOLVED, "PIQP_SOLVED": QpStatus.SOLVED,
+    "PIQP_MAX_ITER_REACHED": QpStatus.MAX_ITERATIONS,
     "PIQP_PRIMAL_INFEASIBLE": QpStatus.PRIMAL_INFEASIBLE, "PIQP_DUAL_INFEASIBLE": QpStatus.DUAL_INFEASIBLE,
     "INPUT": QpStatus.NOT_RUN,
 }  # fmt: skip
