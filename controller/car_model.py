@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from sidestep.controller.roll import Body
-from sidestep.plant_models.tyre import magic_formula
+from sidestep.plant_models.tyre import lateral_force
 from sidestep.plant_models.vehicle import GRAVITY, VehicleParameters
 
 SLOPE_STEP = 1e-5
@@ -79,10 +79,10 @@ def axle_force(slip, stiffness, load, car, moved=0.0):
     if not car.affine:
         return stiffness * slip
     if moved == 0.0:
-        return 2.0 * magic_formula(0.0, slip, 0.5 * load, car.friction, car.tyre)[1]
+        return 2.0 * lateral_force(slip, 0.5 * load, car.friction, car.tyre)
     moved = min(abs(moved), MOST_MOVED * load)
-    force = magic_formula(0.0, slip, 0.5 * load + moved, car.friction, car.tyre)[1]
-    return force + magic_formula(0.0, slip, 0.5 * load - moved, car.friction, car.tyre)[1]
+    force = lateral_force(slip, 0.5 * load + moved, car.friction, car.tyre)
+    return force + lateral_force(slip, 0.5 * load - moved, car.friction, car.tyre)
 
 
 @njit(cache=True, nogil=True)
@@ -117,7 +117,7 @@ def peak_slip(load, car):
     best, slip = 0.0, 0.0
     while slip < 0.25 * math.pi:
         slip += PEAK_STEP
-        force = magic_formula(0.0, slip, 0.5 * load, car.friction, car.tyre)[1]
+        force = lateral_force(slip, 0.5 * load, car.friction, car.tyre)
         if force < best:
             break
         best = force

@@ -26,6 +26,15 @@ def magic_formula(kappa, alpha, load, friction, p):
 
 
 @njit(cache=True, nogil=True)
+def lateral_force(alpha, load, friction, p):
+    """Lateral force of an upright tyre without longitudinal slip, in [N]; arguments as of `tyre_forces`."""
+    if load <= 0.0 or friction <= 0.0:
+        return 0.0
+    force, _, _, _ = _pure_lateral(alpha / friction, 0.0, load, load / p[0]["nominal_load"] - 1.0, p[0])
+    return friction * force
+
+
+@njit(cache=True, nogil=True)
 def tyre_forces(kappa, alpha, camber, load, friction, p):
     """Steady-state shear force and aligning moment of one tyre.
 

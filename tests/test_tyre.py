@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from sidestep.plant_models.contact_tyre import relaxed_slip
 from sidestep.plant_models.errors import InputError
-from sidestep.plant_models.tyre import cornering_stiffness, magic_formula
+from sidestep.plant_models.tyre import cornering_stiffness, lateral_force, magic_formula
 from sidestep.plant_models.tyre_parameters import TyreParameters
 
 TYRE = TyreParameters()
@@ -44,6 +44,11 @@ def test_pure_slip_saturates_at_the_peak(load, friction):
     peak_x, peak_y = peaks(load, friction)
     assert max(magic_formula(k, 0.0, load, friction, P)[0] for k in grid) == pytest.approx(peak_x, rel=1e-4)
     assert max(magic_formula(0.0, a, load, friction, P)[1] for a in grid) == pytest.approx(peak_y, rel=1e-4)
+
+
+@given(st.floats(-1.5, 1.5), st.just(0.0) | loads, frictions)
+def test_lateral_force_is_that_of_the_whole_law_without_longitudinal_slip(alpha, load, friction):
+    assert lateral_force(alpha, load, friction, P) == magic_formula(0.0, alpha, load, friction, P)[1]
 
 
 @given(slips, slips, loads, frictions)
