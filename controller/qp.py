@@ -50,7 +50,7 @@ def condense(x0, speed, car, period, level, block, group, forces, turn_rate, fre
         level, block, group: Shape (N,).
         forces: Axle forces as lines, see `prediction.linearise`, shape (G, 5).
         turn_rate: Heading rate of the road during each step, shape (N,), in [rad/s].
-        free, response: Filled, shapes (N, 6) and (N, 6, moves).
+        free, response: Filled, shapes (N, 6) and (N, 6, moves); what later moves would change must be 0 before.
     """
     state, slope = x0, np.zeros((STATES, response.shape[2]))
     e = np.empty((STATES, WIDTH))
@@ -62,17 +62,15 @@ def condense(x0, speed, car, period, level, block, group, forces, turn_rate, fre
                 e = double(e)
             elif not (same and level[k] == level[k - 1]):
                 e = exponential(model_block(speed, line[0], line[2], car), period * 2.0 ** level[k])
-        moves = block[k] + 1
         for i in range(STATES):
             value = e[i, TURN] * turn_rate[k] + e[i, FRONT] * line[1] + e[i, REAR] * line[3]
-            response[k, i, :moves] = 0.0
             for j in range(STATES):
-                factor = e[i, j]
-                if factor != 0.0:
-                    value += factor * state[j]
-                    for q in range(moves):
-                        response[k, i, q] += factor * slope[j, q]
+                value += e[i, j] * state[j]
             free[k, i] = value
+            l, phi, beta, gamma, delta, told = e[i, 0], e[i, 1], e[i, 2], e[i, 3], e[i, 4], e[i, 5]  # noqa: E741
+            for q in range(block[k] + 1):  # written out, the compiler makes vectors of it
+                response[k, i, q] = (l * slope[0, q] + phi * slope[1, q] + beta * slope[2, q] + gamma * slope[3, q]
+                                     + delta * slope[4, q] + told * slope[5, q])  # fmt: skip
             response[k, i, block[k]] += e[i, RATE]
         state, slope = free[k], response[k]
 
@@ -134,19 +132,22 @@ def fill_lines(speed, car, levers, bounds, first, slip_nodes, slip_limits, steer
         lines, slopes, low, high: Filled: value without moves, its slope, bounds; shapes (L,), (L, moves), (L,), (L,).
         speed, car, block, group, forces, free, response: See `condense`.
     """
-    v = max(speed, SLOWEST)
+    v, moves = max(speed, SLOWEST), slopes.shape[1]
+    front, rear = car.l_f / v, car.l_r / v
     i = 0
     for k in range(first, free.shape[0]):
         for end in range(2):
-            lines[i] = free[k, 0] + levers[end] * free[k, 1]
-            slopes[i] = response[k, 0] + levers[end] * response[k, 1]
+            lever = levers[end]
+            lines[i] = free[k, 0] + lever * free[k, 1]
+            for q in range(moves):
+                slopes[i, q] = response[k, 0, q] + lever * response[k, 1, q]
             low[i], high[i] = bounds[2 * end, k], bounds[2 * end + 1, k]
             i += 1
     for k in slip_nodes:
-        lines[i] = free[k, 4] - free[k, 2] - car.l_f / v * free[k, 3]
-        slopes[i] = response[k, 4] - response[k, 2] - car.l_f / v * response[k, 3]
-        lines[i + 1] = car.l_r / v * free[k, 3] - free[k, 2]
-        slopes[i + 1] = car.l_r / v * response[k, 3] - response[k, 2]
+        lines[i], lines[i + 1] = free[k, 4] - free[k, 2] - front * free[k, 3], rear * free[k, 3] - free[k, 2]
+        for q in range(moves):
+            slopes[i, q] = response[k, 4, q] - response[k, 2, q] - front * response[k, 3, q]
+            slopes[i + 1, q] = rear * response[k, 3, q] - response[k, 2, q]
         for axle in range(2):
             aside = forces[group[k], 4]
             low[i + axle], high[i + axle] = aside - slip_limits[axle], aside + slip_limits[axle]
