@@ -296,8 +296,10 @@ def _passing_sides(stations, times, path, polygons, speeds, p):
             away = abs(stations[i] - 0.5 * (begin + end) - shift)
             if away < distance:
                 distance, passing = away, i
-            low, high = lateral_interval(polygons[m], shift, stations[i] - reach, stations[i] + reach)
-            gap = max(low - path[i], path[i] - high) if low <= high else math.inf
+            gap = math.inf
+            if begin + shift <= stations[i] + reach and end + shift >= stations[i] - reach:
+                low, high = lateral_interval(polygons[m], shift, stations[i] - reach, stations[i] + reach)
+                gap = max(low - path[i], path[i] - high)
             # within the buffer from the start on: beside it already, not blocked by it
             beside = beside and gap < p.half_width + p.buffer
             limit = p.half_width if beside else p.half_width + p.buffer
