@@ -71,6 +71,7 @@ class SteeringController:
         self._settings = _planner_settings(vehicle, c)
         self._grid = NodeGrid.of(vehicle, c, self._mpc.times)
         self._node_times = np.concatenate([[0.0], self._mpc.times])
+        self._horizon = float(self._node_times[-1])
         self._swerve_nodes = int(np.searchsorted(self._node_times, SWERVE_TIME))
         self.reset()
 
@@ -154,7 +155,7 @@ class SteeringController:
         angle = min(max(float(plan.states[1, 5]) - self._disturbance.angle, -limit), limit)
         self._command = SteeringCommand(plan.time, angle, plan.target_speed, plan.status)
         if self._sent:
-            self._sent = [*self._sent[1:], self._command.steer_angle]
+            self._sent = [*self._sent[1:], angle]
         return self._command
 
     def _track(self, state: VehicleState, began: float) -> Plan:
@@ -171,13 +172,13 @@ class SteeringController:
         planned = time.perf_counter()
         solution = self._solve(x0, corridor, v, before)
         target, stop_distance = self._longitudinal(corridor, solution, v)
+        sides = corridor.path.sides
         self._held_up = corridor.path.blocker != FREE
-        undecided = self._held_up & (corridor.path.sides == 0)
-        self._sides = np.where(undecided, self._sides, corridor.path.sides)
+        self._sides = np.where(sides == 0, self._sides, sides) if self._held_up else sides
         if v < STANDSTILL:
             solution.states[1:, 5] = x0[5]
         plan = self._plan(state, s, roll, corridor.path, solution, stop_distance, target, began, planned)
-        if not solution.solved or not np.isfinite(solution.states).all():
+        if not solution.solved or not math.isfinite(solution.states.sum()):
             return self._fall_back(state.time, solution.status, plan)
         self._good = plan
         return plan
@@ -195,9 +196,9 @@ class SteeringController:
         ])  # fmt: skip
         self._observe(state, x)
         x[5] += self._disturbance.angle
-        pending = np.array(self._sent[1:]) + self._disturbance.angle
-        if len(pending) == 0:
+        if len(self._sent) == 1:  # nothing is on its way
             return s, x, self._roll
+        pending = np.array(self._sent[1:]) + self._disturbance.angle
         s += v * config.period * len(pending)
         turn_rate = v * self.path.curvature(s)
         x, roll = advance(x, self._roll, v, turn_rate, self._disturbance[1:], pending, config.period, self._car)
@@ -248,7 +249,7 @@ class SteeringController:
             distance = corridor.gap - config.standstill_gap
             target = min(target, approach_speed(distance, corridor.gap_speed, config.comfort_braking))
         excess = solution.slack_corridor - config.tightening
-        room = v * min(solution.time_to_excess, self._node_times[-1]) - self.vehicle.front_extent
+        room = v * min(solution.time_to_excess, self._horizon) - self.vehicle.front_extent
         target = min(target, squeezed_speed(excess, room, blocked, config))
         if self._command:  # slowing that comes and goes from step to step would only waste grip
             target = min(target, max(self._command.target_speed, v) + config.comfort_braking * config.period)
