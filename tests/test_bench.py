@@ -76,7 +76,8 @@ def test_figures_have_the_keys_that_scripts_rely_on(figures):
     assert {"controller_step_us", "planner_us", "qp_us", "plant_us", "can_frame_us"} <= figures.keys()
     assert list(figures["plant_us"]) == ["linear", "single-track", "double-track", "mujoco"]
     assert "piqp" in figures["qp_us"]
-    for times in (figures["controller_step_us"], figures["planner_us"], *figures["qp_us"].values()):
+    steps = (figures[key] for key in ("controller_step_us", "bounded_step_us", "planner_us"))
+    for times in (*steps, *figures["qp_us"].values()):
         assert 0.0 < times["median"] <= times["p99"]
     assert figures["planner_us"]["median"] < figures["controller_step_us"]["median"]
     assert figures["versions"]["sidestep"] == "0.1.0"

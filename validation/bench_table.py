@@ -16,6 +16,8 @@ def print_figures(figures: dict[str, Any]) -> None:
     step, planner, qps = figures["controller_step_us"], figures["planner_us"], figures["qp_us"]
     table = _table("cost of", "median [µs]", "p99 [µs]", "p99 quiet [µs]", "ratio")
     _add(table, "controller step", step, f"{1e-4 * step['median'] / period:.1f} % of its {1e3 * period:.0f} ms")
+    bounded = figures["bounded_step_us"]
+    _add(table, "  where a bound acts", bounded, f"{1e-4 * bounded['median'] / period:.1f} %")
     _add(table, "  path search and corridor", planner, f"{100 * planner['median'] / step['median']:.0f} % of the step")
     for name, times in qps.items():
         _add(table, f"  its QP in {name}", times, f"{times['median'] / qps['piqp']['median']:.2f} x piqp")
