@@ -170,13 +170,15 @@ def solve_freely(P, c, rate, lines, slopes, low, high, z):
         z: Filled, shape (n,).
 
     Returns:
-        Whether it keeps all bounds; as slack only costs, no other z is better then.
+        Whether there is one and it keeps all bounds; as slack only costs, no other z is better then.
     """
     moves = slopes.shape[1]
     a = np.empty((moves, moves + 1))
     for i in range(moves):
         a[i, :moves], a[i, moves] = P[:moves, i], -c[i]
     for k in range(moves):
+        if not a[k, k] > 0.0:  # convex on paper only, to the last digit
+            return False
         for i in range(k + 1, moves):
             factor = a[i, k] / a[k, k]
             for j in range(k + 1, moves + 1):

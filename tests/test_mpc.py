@@ -9,7 +9,7 @@ from sidestep.controller import ControllerConfig, SteeringController
 from sidestep.controller.car_model import Car
 from sidestep.controller.mpc import UNCONSTRAINED, Limits, Mpc, MpcWeights
 from sidestep.controller.prediction import FRONT, RATE, REAR, TURN, Prediction, exponential, model_block, steady_gain
-from sidestep.controller.qp import SLACK_CURVATURE, SLACK_UNIT, SLACKS
+from sidestep.controller.qp import SLACK_CURVATURE, SLACK_UNIT, SLACKS, solve_freely
 from sidestep.plant_models.linear_plant import LinearPlant
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import Line, ReferencePath
@@ -122,6 +122,14 @@ def test_piqp_is_asked_where_a_bound_acts(line):
     assert bounded.status == "PIQP_SOLVED"
     assert bounded.z == pytest.approx(free.z, abs=1e-5)
     assert not np.array_equal(bounded.z, free.z)
+
+
+@pytest.mark.parametrize("curvature", [0.0, -1.0, np.nan])
+def test_what_is_not_convex_is_left_to_piqp(curvature):
+    cost, z, none = np.diag([1.0, curvature, 1.0, 1.0]), np.zeros(4), np.zeros(0)
+    assert not solve_freely(cost, z, 0.4, none, np.zeros((0, 2)), none, none, z.copy())
+    cost[1, 1] = 1.0
+    assert solve_freely(cost, z, 0.4, none, np.zeros((0, 2)), none, none, z.copy())
 
 
 def test_prediction_is_the_simulated_model():
