@@ -34,6 +34,7 @@ class Car(NamedTuple):
         tyre: See TyreParameters.as_array.
         friction: That the controller believes, as a factor on the tyre's peak.
         body: How it rolls.
+        relaxation: Distance that a tyre rolls before its force follows its slip, in [m].
     """
 
     mass: float
@@ -51,6 +52,7 @@ class Car(NamedTuple):
     tyre: NDArray[np.void]
     friction: float
     body: Body = Body()
+    relaxation: float = 0.0
 
     @classmethod
     def of(cls, vehicle: VehicleParameters, affine: bool, friction: float, body: Body | None = None) -> "Car":
@@ -62,7 +64,7 @@ class Car(NamedTuple):
             lag=vehicle.steer_time_constant, load_f=per_length * vehicle.l_r, load_r=per_length * vehicle.l_f,
             steer_limit=vehicle.steer_limit, rate_limit=vehicle.steer_rate_limit,
             affine=affine, tyre=vehicle.tyre.as_array(), friction=friction,
-            body=body or Body(),
+            body=body or Body(), relaxation=vehicle.tyre.relaxation_y if affine else 0.0,
         )  # fmt: skip
 
 

@@ -121,6 +121,16 @@ def _plan(s, offset, speed, cruise, polygons, speeds, committed, held_up, settin
 
 
 @njit(cache=True, nogil=True)
+def _stations_ahead(pace, steps, direction):
+    """Stations of the nodes from the car on, in [m]: a car that goes across the road gets less far along it."""
+    stations, station, before = np.empty(steps.shape[0]), 0.0, direction[0]
+    for k in range(steps.shape[0]):
+        station += pace * steps[k] * max(math.cos(0.5 * (before + direction[k])), 0.0)
+        stations[k], before = station, direction[k]
+    return stations
+
+
+@njit(cache=True, nogil=True)
 def plan_corridor(
     s, offset, speed, cruise, now, boxes, table, period, committed, held_up, settings, grid, times, states, age
 ):  # fmt: skip
@@ -154,15 +164,15 @@ def plan_corridor(
     all_sides[near] = sides
 
     pace = max(speed, 0.0)
-    stations = pace * grid.times
+    direction = np.interp(grid.times, times - age, states[:, 1] + states[:, 2])
+    stations = _stations_ahead(pace, grid.steps, direction)
     curvature = np.empty(stations.shape[0])
     for k in range(stations.shape[0]):
         curvature[k] = curvature_at(table, period, s + stations[k])
     offsets, slope = path_reference(path_stations, path_offsets, stations, max(1.0, SLOPE_TIME * pace))
     bounds = footprint_bounds(
         stations, grid.times, 0.5 * pace * grid.steps, settings.buffer, grid.levers, grid.clearance,
-        np.interp(grid.times, times - age, states[:, 1] + states[:, 2]),
-        np.interp(grid.times, times - age, states[:, 3]) / max(speed, 1.0), curvature, polygons, speeds, sides,
+        direction, np.interp(grid.times, times - age, states[:, 3]) / max(speed, 1.0), curvature, polygons, speeds, sides,
         settings.right_edge, settings.left_edge,
     )  # fmt: skip
     gap, gap_speed = math.inf, 0.0

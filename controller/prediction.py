@@ -75,7 +75,30 @@ def model_block(speed, slope_f, slope_r, car):
     else:
         a[4, RATE] = 1.0
     a[5, RATE] = 1.0
+    if car.relaxation > 0.0:
+        _relax(a, v, slope_f, slope_r, car)
     return a
+
+
+@njit(cache=True, nogil=True)
+def _relax(a, v, slope_f, slope_r, car):
+    """Let axle forces lag behind their slip angles by the time the tyres take to roll their relaxation length.
+
+    To first order, F = C (alpha - lag alpha'), which needs no states of its own: solved for beta' and gamma'. That
+    holds while the lag is short beside the car's own time constant, and matters there; below some 8 m/s, where it is
+    not short, it fades out.
+    """
+    m, i_z, l_f, l_r, total = car.mass, car.yaw_inertia, car.l_f, car.l_r, slope_f + slope_r
+    lag = car.relaxation / v
+    lag /= 1.0 + (2.0 * lag * total / (m * v)) ** 2
+    moment = l_f * slope_f - l_r * slope_r
+    own_b, own_r = 1.0 - lag * total / (m * v), 1.0 - lag * (l_f**2 * slope_f + l_r**2 * slope_r) / (i_z * v)
+    cross_b, cross_r = -lag * moment / (m * v * v), -lag * moment / i_z
+    determinant = own_b * own_r - cross_b * cross_r
+    for j in range(WIDTH):
+        late = lag * slope_f * a[4, j]  # what steering on the way is still short of
+        b, r = a[2, j] - late / (m * v), a[3, j] - late * l_f / i_z
+        a[2, j], a[3, j] = (own_r * b - cross_b * r) / determinant, (own_b * r - cross_r * b) / determinant
 
 
 @njit(cache=True, nogil=True)
@@ -162,9 +185,13 @@ def linearise(times, states_time, states, roll, speed, disturbance, car, lines):
     least_f, least_r = least_slope(car.stiffness_f, car.load_f, car), least_slope(car.stiffness_r, car.load_r, car)
     for g in range(times.shape[0]):
         i = min(np.searchsorted(states_time, times[g]), states_time.shape[0] - 1)
-        aside, moved_f, moved_r = felt(roll[i, 0], roll[i, 1], car.body)
+        state, rolled = states[i], roll[i]
+        if i > 0:
+            part = min((times[g] - states_time[i - 1]) / (states_time[i] - states_time[i - 1]), 1.0)
+            state, rolled = states[i - 1] + part * (state - states[i - 1]), roll[i - 1] + part * (rolled - roll[i - 1])
+        aside, moved_f, moved_r = felt(rolled[0], rolled[1], car.body)
         aside /= v
-        front, rear = slip_angles(states[i, 2] + aside, states[i, 3], states[i, 4], v, car)
+        front, rear = slip_angles(state[2] + aside, state[3], state[4], v, car)
         slope_f, force_f = tangent(front, least_f, car.stiffness_f, car.load_f, car, moved_f)
         slope_r, force_r = tangent(rear, least_r, car.stiffness_r, car.load_r, car, moved_r)
         lines[g, 0], lines[g, 1] = slope_f, force_f - slope_f * aside + disturbance[0]
@@ -241,7 +268,7 @@ def grid(period: float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[n
 
     Returns:
         level (N,) such that step k lasts period 2^level[k], the control move (N,) that acts in it, and the
-        group (N,) of steps, of one level each, that share their axle forces.
+        group (N,) of steps, of one level each, that share their axle forces: no longer than the coarsest step.
     """
     coarsest = max(round(math.log2(COARSEST_STEP / period)), 0)
     level = [0] * 3
@@ -254,5 +281,5 @@ def grid(period: float) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[n
     block = np.repeat(np.arange(len(lengths)), lengths)[: len(level)]
     steps = np.array(level)
     since = np.arange(len(steps)) - np.searchsorted(steps, steps)  # steps of this level before
-    group = np.cumsum((since % 3 == 0).astype(np.int64)) - 1
+    group = np.cumsum((since % 2 ** (coarsest - steps) == 0).astype(np.int64)) - 1
     return steps, block, group
