@@ -172,8 +172,8 @@ def plan_corridor(
     offsets, slope = path_reference(path_stations, path_offsets, stations, max(1.0, SLOPE_TIME * pace))
     bounds = footprint_bounds(
         stations, grid.times, 0.5 * pace * grid.steps, settings.buffer, grid.levers, grid.clearance,
-        direction, np.interp(grid.times, times - age, states[:, 3]) / max(speed, 1.0), curvature, polygons, speeds, sides,
-        settings.right_edge, settings.left_edge,
+        direction, np.interp(grid.times, times - age, states[:, 3]) / max(speed, 1.0), curvature, polygons, speeds,
+        sides, settings.right_edge, settings.left_edge,
     )  # fmt: skip
     gap, gap_speed = math.inf, 0.0
     if blocker >= 0 and speeds[blocker] >= 0.0:

@@ -66,8 +66,8 @@ def real_forces(before, now, v, period, car):
 
 
 @njit(cache=True, nogil=True)
-def _model_forces(before, now, roll, v, car):
-    middle = 0.5 * (before + now)
+def _model_forces(before, now, roll, v, period, car):
+    middle = 0.5 * (before + now) - car.relaxation / (v * period) * (now - before)
     aside, moved_f, moved_r = felt(roll[0], roll[1], car.body)
     front, rear = slip_angles(middle[2] + aside / v, middle[3], middle[4], v, car)
     force_f = axle_force(front, car.stiffness_f, car.load_f, car, moved_f)
@@ -103,7 +103,7 @@ def observe_disturbance(estimate, before, now, roll, speed, period, car, slip_li
     if abs(now[4] - before[4]) < 0.9 * car.rate_limit * period:
         towards = (now[4] - before[4] * left) / (1.0 - left)  # the angle that the actuator went for
         angle = _towards(angle, towards - before[5], gain, MAX_ANGLE)
-    slip_f, slip_r, model_f, model_r = _model_forces(before, now, roll, v, car)
+    slip_f, slip_r, model_f, model_r = _model_forces(before, now, roll, v, period, car)
     if abs(slip_f) < LINEAR_SHARE * slip_limits[0] and abs(slip_r) < LINEAR_SHARE * slip_limits[1]:
         real_f, real_r = real_forces(before, now, v, period, car)
         front = _towards(front, real_f - model_f, gain, MAX_FORCE_SHARE * car.load_f)
@@ -126,7 +126,7 @@ def observe_friction(before, now, roll, speed, period, car, slip_limits, believe
         believed: The estimate never exceeds this.
     """
     v = max(speed, SLOWEST)
-    slip_f, _, model_f, model_r = _model_forces(before, now, roll, v, car)
+    slip_f, _, model_f, model_r = _model_forces(before, now, roll, v, period, car)
     real_f, real_r = real_forces(before, now, v, period, car)
     if abs(slip_f) > UTILISED * slip_limits[0] and model_f * model_r > 0.0:
         share = (real_f + real_r) / (model_f + model_r) + MODEL_ERROR
