@@ -32,12 +32,14 @@ class NodeGrid(NamedTuple):
         times, steps: From now, and length of the step that ends there, shape (N,), in [s].
         clearance: Half width, buffer and tightening, shape (N,), in [m].
         levers: Front and rear end of the footprint from the centre of gravity, in [m].
+        literal: Whether the car is v t ahead, as in the paper, though it goes across the road.
     """
 
     times: Array
     steps: Array
     clearance: Array
     levers: tuple[float, float]
+    literal: bool = False
 
     @classmethod
     def of(cls, vehicle: VehicleParameters, c: ControllerConfig, times: Array) -> "NodeGrid":
@@ -48,6 +50,7 @@ class NodeGrid(NamedTuple):
             times=times, steps=np.diff(times, prepend=0.0),
             clearance=0.5 * vehicle.width + c.buffer + tightening * np.minimum(times / TIGHTENING_TIME, 1.0),
             levers=(0.0, 0.0) if literal else (vehicle.front_extent, -vehicle.rear_extent),
+            literal=literal,
         )  # fmt: skip
 
 
@@ -165,7 +168,7 @@ def plan_corridor(
 
     pace = max(speed, 0.0)
     direction = np.interp(grid.times, times - age, states[:, 1] + states[:, 2])
-    stations = _stations_ahead(pace, grid.steps, direction)
+    stations = pace * grid.times if grid.literal else _stations_ahead(pace, grid.steps, direction)
     curvature = np.empty(stations.shape[0])
     for k in range(stations.shape[0]):
         curvature[k] = curvature_at(table, period, s + stations[k])
