@@ -39,6 +39,24 @@ def square(a):
     return full
 
 
+@pytest.mark.parametrize("speed", [14.0, 18.0, 25.0])
+def test_lag_of_the_tyres_is_nearly_that_of_slip_angles_as_states(speed):
+    at_once = block(speed, AFFINE._replace(relaxation=0.0))
+    true = np.zeros((12, 12))  # [x; lagging slip angles; w], axle forces by the latter
+    true[:6, :6], true[:6, 8:] = at_once[:, :6], at_once[:, 6:]
+    slips = np.zeros((2, 12))
+    slips[0, [2, 3, 4]], slips[1, [2, 3]] = (-1.0, -BMW.l_f / speed, 1.0), (-1.0, BMW.l_r / speed)
+    for axle, (stiffness, lever) in enumerate(((AFFINE.stiffness_f, BMW.l_f), (AFFINE.stiffness_r, -BMW.l_r))):
+        force = np.array([1.0 / (BMW.mass * speed), lever / BMW.yaw_inertia]) * stiffness
+        true[2:4] -= np.outer(force, slips[axle])
+        true[2:4, 6 + axle] += force
+    true[6:8] = speed / AFFINE.relaxation * slips
+    true[[6, 7], [6, 7]] -= speed / AFFINE.relaxation
+    ramp = expm(0.3 * true)[:4, 8]
+    late, early = (expm(0.3 * square(a))[:4, RATE] for a in (block(speed, AFFINE), at_once))
+    assert np.abs((late - ramp) / ramp).max() < 0.4 * np.abs((early - ramp) / ramp).max()
+
+
 @pytest.mark.parametrize("speed", [0.0, 2.0, 15.0, 35.0])
 @pytest.mark.parametrize("dt", [0.01, 0.02, 0.16])
 def test_exponential_is_that_of_scipy(speed, dt):
