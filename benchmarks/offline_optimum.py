@@ -4,8 +4,9 @@
 
 Linear single track (5) at constant speed in the frame of a straight road, the steering rate as input, exactly
 discretised over 8 s. The car's side keeps the buffer of Eq. (13) to every obstacle that it is beside, at both ends
-of the stretch beside it, and passes where the default controller does. From the centre line back to it with the least
-integral of a_y^2 + (JERK_TIME jerk)^2: a sparse convex QP, solved by PIQP. Prints the peaks and writes them to
+of the stretch beside it, and passes where the default controller does. From the centre line back to it, and on it in
+the last second, as is asked of the controller, with the least integral of a_y^2 + (JERK_TIME jerk)^2: a sparse convex
+QP, solved by PIQP. Prints the peaks and writes them to
 validation/scenarios/offline_optimum.json, which `sidestep limits optimum` compares drives with.
 """
 
@@ -26,6 +27,8 @@ from sidestep.validation.scenario import Scenario, load_scenario
 
 JERK_TIME = 0.1
 """Jerk weighs as much as a_y in motions of this time constant, in [s]."""
+BACK = 1.0
+"""How long before its end the drive is back on the centre line, in [s]."""
 STATES = 5  # l, e, beta, gamma, delta
 
 
@@ -57,7 +60,7 @@ def solve(scenario: Scenario, sides: list[int], nodes: int) -> dict[str, np.ndar
     count = STATES * (nodes + 1)
     largest = np.full(count + nodes, 1e3)
     largest[4:count:STATES], largest[count:] = vehicle.steer_limit, vehicle.steer_rate_limit
-    largest[:STATES] = largest[count - STATES : count] = 0.0  # from the centre line back to it
+    largest[:STATES] = largest[count - STATES * (1 + round(BACK / dt)) : count] = 0.0  # from the centre line back to it
     solver = piqp.SparseSolver()
     solver.settings.eps_abs, solver.settings.eps_rel = 1e-7, 0.0
     solver.setup(

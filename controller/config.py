@@ -42,7 +42,7 @@ class ControllerConfig:
         validity: File of `sidestep validate` (validity.json): slip angles then also stay where lateral acceleration
             is within its limits for this speed and friction; empty for none.
         estimate_friction: Lower the friction where the car's lateral acceleration speaks against it.
-        reject_disturbance: Learn steering offset and axle forces that the model lacks.
+        reject_disturbance: Learn steering offset and lateral force that the model lacks.
         comfort_braking: Deceleration used where the distance allows it, in [m/s^2].
         standstill_gap: Distance left to what blocks the road, in [m].
         max_lateral_acceleration: a_y,max of Eq. (14), in [m/s^2]; `paper` only.

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sidestep.controller.config import ControllerConfig
 from sidestep.controller.corridor import footprint_bounds, obstacle_polygons, path_reference
-from sidestep.controller.planner import FREE, LAYERS, PlannedPath, arrival_times, layer_spacing, plan_path
+from sidestep.controller.planner import FREE, LATERAL_STEP, LAYERS, PlannedPath, arrival_times, layer_spacing, plan_path
 from sidestep.plant_models.clothoid import curvature_at
 from sidestep.plant_models.vehicle import VehicleParameters
 
@@ -19,6 +19,15 @@ SWEEP_TIME = 6.0
 """How far ahead in time an oncoming obstacle keeps its lane from a car that has been held up, in [s]."""
 VIEW_MARGIN = 10.0
 """Beyond the lattice and behind the car, in [m], up to which obstacles are looked at."""
+VIEW_BEHIND = 3.0
+"""How much longer they are looked at behind the car, in [s]: the way back lasts as long."""
+BRAKING_DELAY = 0.1
+"""Until the brakes act, in [s]."""
+EASE, END_EASE = 0.03, 0.3
+"""Share of the tracking costs before the car is back on the reference, where the corridor says enough and the way
+is to be gentle, and their least share at the end of the horizon, which must not hang in the air."""
+FULL_EASE_SPEED = 15.0
+"""Speed from which on it is as gentle as that, in [m/s]; not at all below half of it, where nobody feels it."""
 SLOPE_TIME = 0.3
 """Half the time over which the path's slope is averaged, in [s]."""
 TIGHTENING_TIME = 0.5
@@ -60,6 +69,7 @@ class Corridor(NamedTuple):
     Attributes:
         path: See PlannedPath.
         offset, slope: Path at the nodes, shape (N,), in [m] and [rad].
+        firmness: Share of the costs of leaving the path at the nodes, shape (N,).
         turn_rate: Heading rate of the road at the nodes, shape (N,), in [rad/s].
         bounds: See `corridor.footprint_bounds`, shape (4, N), in [m].
         gap: Distance from the front bumper to what blocks the road, in [m]; infinite if nothing does.
@@ -69,6 +79,7 @@ class Corridor(NamedTuple):
     path: PlannedPath
     offset: Array
     slope: Array
+    firmness: Array
     turn_rate: Array
     bounds: Array
     gap: float
@@ -80,7 +91,7 @@ def _in_view(s, speed, cruise, now, boxes, period, settings):
     """Which boxes can be met on the way, and these with s from the car on, at present."""
     end = (LAYERS + 1) * layer_spacing(speed)
     until = max(arrival_times(np.array([end]), speed, cruise, settings.acceleration)[0], SWEEP_TIME)
-    begin = -settings.rear - VIEW_MARGIN
+    begin = -settings.rear - VIEW_MARGIN - VIEW_BEHIND * max(speed, 0.0)
     near, ahead = np.empty(boxes.shape[0], np.int64), np.empty(boxes.shape[0])
     count = 0
     for m in range(boxes.shape[0]):
@@ -98,29 +109,67 @@ def _in_view(s, speed, cruise, now, boxes, period, settings):
 
 
 @njit(cache=True, nogil=True)
+def _way_out(offset, lateral, speed, settings):
+    """How far a car that is in an obstacle's lane drives until it can be out of it, in [m]; 0 if it cannot."""
+    hard, pace = settings.half_width + settings.buffer, max(speed, 1.0)
+    right, left = lateral.min() - hard, lateral.max() + hard
+    aside = math.inf
+    if right >= settings.right_edge + hard:
+        aside = max(offset - right, 0.0)
+    if left <= settings.left_edge - hard:
+        aside = min(aside, max(left - offset, 0.0))
+    if aside == math.inf:
+        return 0.0
+    return aside / min(settings.max_slope, settings.max_lateral_speed / pace) + 2.0 * layer_spacing(speed)
+
+
+@njit(cache=True, nogil=True)
 def _plan(s, offset, speed, cruise, polygons, speeds, committed, held_up, settings):
-    """The path; a car that is held up stays out of the way of oncoming obstacles until they have passed.
+    """The path; a car that is held up waits where oncoming obstacles pass it.
 
     The slower it gets the farther away it would meet them, which makes a passing possible on paper that its
-    own acceleration makes impossible again.
+    own acceleration makes impossible again. So all of an oncoming obstacle's lane is taken, from where the car can
+    stop or be out of it; and what stands beyond that counts for little, as the car will stop before it.
     """
+    everywhere = np.full(speeds.shape[0], np.inf)
     if not held_up:
-        path = plan_path(s, offset, speed, cruise, polygons, speeds, committed, settings)
+        path = plan_path(s, offset, speed, cruise, polygons, speeds, committed, everywhere, settings)
         if path[6] == FREE:
             return path
     if not (speeds < 0.0).any():
-        return plan_path(s, offset, speed, cruise, polygons, speeds, committed, settings)
+        return plan_path(s, offset, speed, cruise, polygons, speeds, committed, everywhere, settings)
+    stop = max(speed, 0.0) * (BRAKING_DELAY + 0.5 * speed / settings.braking)
     swept, standing = polygons.copy(), np.maximum(speeds, 0.0)
     for m in range(speeds.shape[0]):
         if speeds[m] < 0.0:
             middle = 0.5 * (polygons[m, 0, 0] + polygons[m, 4, 0])
+            leave = _way_out(offset, polygons[m, :, 1], speed, settings)
             for i in range(polygons.shape[1]):
                 if polygons[m, i, 0] < middle:
-                    swept[m, i, 0] += speeds[m] * SWEEP_TIME
-    path = plan_path(s, offset, speed, cruise, swept, standing, committed, settings)
-    if path[6] >= 0 and speeds[path[6]] < 0.0:  # it comes along the only way
-        return plan_path(s, offset, speed, cruise, polygons, speeds, committed, settings)
+                    swept[m, i, 0] = min(polygons[m, i, 0], max(stop, leave))
+    path = plan_path(s, offset, speed, cruise, swept, standing, committed, everywhere, settings)
+    if path[6] == FREE:
+        return path
+    certain = np.where(speeds < 0.0, np.inf, stop + settings.front)
+    path = plan_path(s, offset, speed, cruise, swept, standing, committed, certain, settings)
+    if path[6] >= 0 and speeds[path[6]] < 0.0 and path[7] <= stop:  # it comes along the only way
+        return plan_path(s, offset, speed, cruise, polygons, speeds, committed, everywhere, settings)
     return path
+
+
+@njit(cache=True, nogil=True)
+def _room_to_leave(gap, pace, lateral, stations, offsets, settings):
+    """The gap less what the car needs to swing out from behind an obstacle.
+
+    It still brakes comfortably, and stops where it waits: not before it is out of the way.
+    """
+    wait, there = offsets[-1], 0.0
+    for i in range(stations.shape[0]):
+        if abs(offsets[i] - wait) > LATERAL_STEP:
+            there = stations[i]
+    aside = min(lateral.max() - wait, wait - lateral.min()) + settings.half_width + settings.buffer
+    least = max(0.5 * pace * pace / settings.comfort_braking, there)
+    return max(gap - max(aside, 0.0) / settings.max_slope, min(gap, least))
 
 
 @njit(cache=True, nogil=True)
@@ -135,7 +184,7 @@ def _stations_ahead(pace, steps, direction):
 
 @njit(cache=True, nogil=True)
 def plan_corridor(
-    s, offset, speed, cruise, now, boxes, table, period, committed, held_up, settings, grid, times, states, age
+    s, offset, speed, cruise, now, boxes, table, period, committed, held_up, gentle, settings, grid, times, states, age
 ):  # fmt: skip
     """Search the path and bound the footprint along the prediction.
 
@@ -147,6 +196,7 @@ def plan_corridor(
         table, period: Of the ReferencePath.
         committed: Passing sides decided before, shape (M,).
         held_up: Whether the way was blocked in the step before.
+        gentle: Whether the step before kept the corridor, so that there is room for comfort.
         settings: PlannerSettings.
         grid: NodeGrid.
         times, states, age: The last Prediction, which tells the direction and curvature that the car will drive.
@@ -160,7 +210,7 @@ def plan_corridor(
         road[m] = curvature_at(table, period, s + boxes[m, 0])
     polygons, speeds = obstacle_polygons(boxes, road), boxes[:, 5].copy()
     path = _plan(s, offset, speed, cruise, polygons, speeds, committed[near], held_up, settings)
-    path_stations, path_offsets, right, left, sides, cost, blocker, room = path
+    path_stations, path_offsets, right, left, sides, cost, blocker, room, settled = path
     if blocker != FREE:  # stopping, not passing: no time to change sides, nor need to insist on one
         sides[sides * committed[near] < 0] = 0
     all_sides = np.zeros_like(committed)
@@ -181,7 +231,14 @@ def plan_corridor(
     gap, gap_speed = math.inf, 0.0
     if blocker >= 0 and speeds[blocker] >= 0.0:
         gap, gap_speed = polygons[blocker, :, 0].min() - settings.front, speeds[blocker]
+        if (speeds < 0.0).any():
+            gap = _room_to_leave(gap, pace, polygons[blocker, :, 1], path_stations, path_offsets, settings)
     elif blocker != FREE:
         gap = room
-    path = path_stations, path_offsets, right, left, all_sides, cost, blocker, room
-    return path, offsets, slope, pace * curvature, bounds, gap, gap_speed
+    if blocker >= 0:
+        all_sides[near[blocker]] = 0  # the car waits behind it
+    path = path_stations, path_offsets, right, left, all_sides, cost, blocker, room, settled
+    full = min(max(2.0 * pace / FULL_EASE_SPEED - 1.0, 0.0), 1.0) if gentle and blocker == FREE else 0.0
+    firmness = np.where(stations < settled, EASE**full, 1.0)
+    firmness[-1] = max(firmness[-1], END_EASE)
+    return path, offsets, slope, firmness, pace * curvature, bounds, gap, gap_speed

@@ -105,12 +105,13 @@ class Solution(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def _fill(x0, speed, path, heading, turn_rate, bounds, times, states, roll, age, disturbance, slip_limits, car,
-          grid, force_times, weights, limits, first, slip_nodes, free, response, forces, lines, P, c, z):  # fmt: skip
+def _fill(x0, speed, path, heading, firmness, turn_rate, bounds, times, states, roll, age, disturbance, slip_limits,
+          car, grid, force_times, weights, limits, first, slip_nodes, free, response, forces, lines, P, c,
+          z):  # fmt: skip
     period, level, block, group = grid
     linearise(force_times + age, times, states, roll, speed, disturbance, car, forces)
     condense(x0, speed, car, period, level, block, group, forces, turn_rate, free, response)
-    fill_cost(speed, car, period, level, block, group, forces, path, heading, weights, free, response, P, c)
+    fill_cost(speed, car, period, level, block, group, forces, path, heading, firmness, weights, free, response, P, c)
     values, slopes, low, high = lines
     fill_lines(speed, car, limits.levers, bounds, first, slip_nodes, slip_limits, limits.steer, block, group, forces,
                free, response, values, slopes, low, high)  # fmt: skip
@@ -216,15 +217,15 @@ class Mpc:
         self._used: _Rows | None = self._reduced
         self.moves = np.zeros(self._prediction[1].shape[2])
 
-    def solve(self, x0: Array, speed: float, path: Array, heading: Array, turn_rate: Array, bounds: Array,
-              before: Prediction, disturbance: tuple[float, float], slip_limits: tuple[float, float],
+    def solve(self, x0: Array, speed: float, path: Array, heading: Array, firmness: Array, turn_rate: Array,
+              bounds: Array, before: Prediction, disturbance: tuple[float, float], slip_limits: tuple[float, float],
               car: Car) -> Solution:  # fmt: skip
         """Solve the step; arguments as in `qp` and `prediction.linearise`, all finite."""
         began = time.perf_counter()
         cost, z = self._reduced.cost, np.empty(len(self.moves) + SLACKS)
-        kept = _fill(x0, speed, path, heading, turn_rate, bounds, *before, disturbance, slip_limits, car, self._grid,
-                     self._force_times, self._weights, self._limits, *self._line_nodes, *self._prediction,
-                     self.forces, self.lines, *cost, z)  # fmt: skip
+        kept = _fill(x0, speed, path, heading, firmness, turn_rate, bounds, *before, disturbance, slip_limits, car,
+                     self._grid, self._force_times, self._weights, self._limits, *self._line_nodes,
+                     *self._prediction, self.forces, self.lines, *cost, z)  # fmt: skip
         built = time.perf_counter()
         self._used = None
         found = (z, UNCONSTRAINED, True, 0, 0.0, 0.0, 0.0, 0.0, math.inf) if kept else self._solve_rows()

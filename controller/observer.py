@@ -1,10 +1,10 @@
 """What the model does not know: constant disturbances and less friction, learned from one step to the next.
 
-Two states one step apart give the forces that the axles really had; what the tyre model lacks of them is
-learned as a force per axle, and what the actuator lacks of its command as a steering angle. Together they
-stand for a misaligned steering, bank, side wind and wrong stiffness, and act where the prediction has inputs
-for them. They are learned slowly against the car's own motion: the steady part of a mismatch is taken,
-transients are left alone.
+Two states one step apart give the forces that the axles really had. What the tyre model lacks of them at the rear is
+learned as a force on the whole car, split like its weight: bank or side wind. What then is missing at the front comes
+from an angle of its wheels that no sensor sees: a misaligned steering. What the actuator lacks of its command is an
+angle that the sensor does see. All are learned slowly against the car's own motion: the steady part of a mismatch is
+taken, transients are left alone.
 """
 
 import math
@@ -12,14 +12,16 @@ from typing import NamedTuple
 
 from numba import njit
 
-from sidestep.controller.car_model import axle_force, slip_angles
+from sidestep.controller.car_model import Car, axle_force, slip_angles
 from sidestep.controller.prediction import SLOWEST
 from sidestep.controller.roll import felt, lateral_acceleration
 
 DISTURBANCE_TIME = 0.8
 """Time constant of the disturbance estimate, in [s]."""
-MAX_FORCE_SHARE, MAX_ANGLE = 0.15, 0.05
-"""Largest estimates: axle force as a share of its load, steering angle in [rad]."""
+FIRST_STEPS = 5.0
+"""How many steps the first one counts as; from then on the estimate is the mean, until the time constant is reached."""
+MAX_SHARE, MAX_ANGLE = 0.15, 0.05
+"""Largest estimates: force as a share of the weight, and each angle in [rad]."""
 LINEAR_SHARE = 0.5
 """Forces are learned while both slip angles are below this share of their bound: beyond it, less friction
 looks like a force."""
@@ -38,13 +40,25 @@ class Disturbance(NamedTuple):
     """Estimate of what acts on the car beside the model.
 
     Attributes:
-        angle: Realised minus commanded road-wheel angle at rest, in [rad].
-        front, rear: Lateral force at the axles, in [N].
+        actuator: Road-wheel angle that the sensor shows less the commanded one, at rest, in [rad].
+        sensor: Road-wheel angle that the tyres have less what the sensor shows, in [rad].
+        share: Lateral force on the car, as a share of its weight.
+        steps: From which it was learned.
     """
 
-    angle: float = 0.0
-    front: float = 0.0
-    rear: float = 0.0
+    actuator: float = 0.0
+    sensor: float = 0.0
+    share: float = 0.0
+    steps: float = 0.0
+
+    @property
+    def angle(self) -> float:
+        """Road-wheel angle that the tyres have less the commanded one, at rest, in [rad]."""
+        return self.actuator + self.sensor
+
+    def forces(self, car: Car) -> tuple[float, float]:
+        """At the front and the rear axle, in [N]."""
+        return self.share * car.load_f, self.share * car.load_r
 
 
 @njit(cache=True, nogil=True)
@@ -66,10 +80,10 @@ def real_forces(before, now, v, period, car):
 
 
 @njit(cache=True, nogil=True)
-def _model_forces(before, now, roll, v, period, car):
+def _model_forces(before, now, sensor, roll, v, period, car):
     middle = 0.5 * (before + now) - car.relaxation / (v * period) * (now - before)
     aside, moved_f, moved_r = felt(roll[0], roll[1], car.body)
-    front, rear = slip_angles(middle[2] + aside / v, middle[3], middle[4], v, car)
+    front, rear = slip_angles(middle[2] + aside / v, middle[3], middle[4] + sensor, v, car)
     force_f = axle_force(front, car.stiffness_f, car.load_f, car, moved_f)
     return front, rear, force_f, axle_force(rear, car.stiffness_r, car.load_r, car, moved_r)
 
@@ -86,7 +100,7 @@ def observe_disturbance(estimate, before, now, roll, speed, period, car, slip_li
     Args:
         estimate: Disturbance of the step before.
         before, now: States of `prediction` at the last and this step, shape (6,); before[5] is the command
-            that was in force in between.
+            that was in force in between, [4] what the sensor shows.
         roll: Roll angle and rate meanwhile, in [rad] and [rad/s].
         speed: v, in [m/s].
         period: Between the two states, in [s].
@@ -97,36 +111,38 @@ def observe_disturbance(estimate, before, now, roll, speed, period, car, slip_li
         The fields of Disturbance.
     """
     v = max(speed, SLOWEST)
-    gain = period / DISTURBANCE_TIME
-    angle, front, rear = estimate
+    actuator, sensor, share, steps = estimate
+    gain = max(period / DISTURBANCE_TIME, 1.0 / (FIRST_STEPS + steps))
     left = math.exp(-period / car.lag) if car.lag > 1e-3 else 0.0
     if abs(now[4] - before[4]) < 0.9 * car.rate_limit * period:
         towards = (now[4] - before[4] * left) / (1.0 - left)  # the angle that the actuator went for
-        angle = _towards(angle, towards - before[5], gain, MAX_ANGLE)
-    slip_f, slip_r, model_f, model_r = _model_forces(before, now, roll, v, period, car)
+        actuator = _towards(actuator, towards - before[5], gain, MAX_ANGLE)
+    slip_f, slip_r, model_f, model_r = _model_forces(before, now, sensor, roll, v, period, car)
     if abs(slip_f) < LINEAR_SHARE * slip_limits[0] and abs(slip_r) < LINEAR_SHARE * slip_limits[1]:
         real_f, real_r = real_forces(before, now, v, period, car)
-        front = _towards(front, real_f - model_f, gain, MAX_FORCE_SHARE * car.load_f)
-        rear = _towards(rear, real_r - model_r, gain, MAX_FORCE_SHARE * car.load_r)
-    return angle, front, rear
+        missing = real_f - model_f - share * car.load_f
+        sensor = _towards(sensor, sensor + missing / car.stiffness_f, gain, MAX_ANGLE)
+        share = _towards(share, (real_r - model_r) / car.load_r, gain, MAX_SHARE)
+    return actuator, sensor, share, steps + 1.0
 
 
 @njit(cache=True, nogil=True)
-def observe_friction(before, now, roll, speed, period, car, slip_limits, believed):
+def observe_friction(before, now, sensor, roll, speed, period, car, slip_limits, believed):
     """One step of the estimate of the friction's upper bound.
 
     Where the tyres are used, the force that the car really has bounds the friction from above: less than the
     tyre model's says that the road gives less.
 
     Args:
-        before, now: States of `prediction` at the last and this step, shape (6,).
+        before, now: States of `prediction` at the last and this step, shape (6,); [4] what the sensor shows.
+        sensor: See Disturbance, in [rad].
         roll, speed, period: As of `observe_disturbance`.
         car: Car, whose friction is the estimate of the step before.
         slip_limits: Front and rear at that friction, in [rad].
         believed: The estimate never exceeds this.
     """
     v = max(speed, SLOWEST)
-    slip_f, _, model_f, model_r = _model_forces(before, now, roll, v, period, car)
+    slip_f, _, model_f, model_r = _model_forces(before, now, sensor, roll, v, period, car)
     real_f, real_r = real_forces(before, now, v, period, car)
     if abs(slip_f) > UTILISED * slip_limits[0] and model_f * model_r > 0.0:
         share = (real_f + real_r) / (model_f + model_r) + MODEL_ERROR

@@ -33,7 +33,7 @@ class Plan(NamedTuple):
         plan_us, build_us, solve_us, step_us: Time for path search, QP, solver and the whole step, in [us].
         stop_distance: Free distance before what blocks the road, in [m]; infinite if nothing does.
         target_speed: As sent with the command, in [m/s].
-        sides: Passing side of each obstacle, +1 on its left, -1 on its right, 0 in the way or out of view.
+        sides: Passing side of each obstacle, +1 on its left, -1 on its right, 0 in the way, waited for, or out of view.
     """
 
     time: float

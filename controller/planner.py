@@ -23,8 +23,13 @@ TIE = 1e-9
 COMMITMENT_TIME, COMMITMENT = 2.5, 50.0
 """Time to reach an obstacle, in [s], from which on changing its side costs this many times more: nothing but a
 blocked way is a reason then."""
-APPROACH_SHARE = 0.03
-"""Share of cost (10) before the last obstacle on the reference: no use in returning to what must be left again."""
+APPROACH_SHARE, RETURN_SHARE = 0.03, 0.25
+"""Share of cost (10) up to the last obstacle on the reference, as there is no use in returning to what must be left
+again, and on the way back from there, which so takes its time."""
+RETURN_TIME = 1.5
+"""Time for the way back, in [s] per root of the way in [m]: the same lateral acceleration from any offset."""
+FAR_SHARE = 1e-4
+"""Share of the price of what a car that stops will not reach."""
 
 
 class PlannerSettings(NamedTuple):
@@ -52,6 +57,8 @@ class PlannerSettings(NamedTuple):
     max_lateral_speed: float
     max_slope: float
     acceleration: float
+    braking: float
+    comfort_braking: float
 
 
 class PlannedPath(NamedTuple):
@@ -64,8 +71,9 @@ class PlannedPath(NamedTuple):
         sides: Passing side of each obstacle, +1 left of it, -1 right, 0 if the path runs into it or it is out of
             view, shape (M,).
         cost: Minimum of (9), summed.
-        blocker: Index of the first obstacle in the way, or FREE or GAP_TOO_NARROW.
-        room: Distance that the car can go before a gap that is too narrow, in [m].
+        blocker: Index of the obstacle in the way that slows the car down most, or FREE or GAP_TOO_NARROW.
+        room: Distance that the car can go before what is in the way, in [m].
+        settled: Station from which on the car is back on the reference, relative to it, in [m].
     """
 
     stations: NDArray[np.float64]
@@ -76,10 +84,11 @@ class PlannedPath(NamedTuple):
     cost: float
     blocker: int
     room: float
+    settled: float
 
 
 @njit(cache=True, nogil=True)
-def node_costs(stations, times, offsets, speed, polygons, speeds, committed, p):
+def node_costs(stations, times, offsets, speed, polygons, speeds, committed, certain, p):
     """Costs (10) and (12) of every node, and the price of what is in the way.
 
     Args:
@@ -88,13 +97,15 @@ def node_costs(stations, times, offsets, speed, polygons, speeds, committed, p):
         speed: Of the car, in [m/s].
         polygons, speeds: Obstacles, shapes (M, 8, 2) and (M,).
         committed: Passing side kept from before, 0 for none, shape (M,).
+        certain: Stations beyond which the car may stop before it meets an obstacle, shape (M,), in [m].
         p: PlannerSettings.
 
     Returns:
-        Shape (S, L); entries >= BLOCKED_COST lie within half width and buffer of an obstacle.
+        Shape (S, L); entries >= BLOCKED_COST lie within half width and buffer of an obstacle. And the station from
+        which on the car is back on the reference.
     """
     cost = np.zeros((stations.shape[0], offsets.shape[0]))
-    left_again = 0  # the last layer in which the reference is blocked
+    passed, settled = 0.0, 0.0  # the last obstacle on the reference, and the way back from it
     half_step = 0.5 * LATERAL_STEP
     hard = p.half_width + p.buffer
     soft = hard + p.tightening + p.margin_time * speed
@@ -103,19 +114,24 @@ def node_costs(stations, times, offsets, speed, polygons, speeds, committed, p):
         low_all, high_all = polygons[m, :, 1].min(), polygons[m, :, 1].max()
         near = begin - p.front < COMMITMENT_TIME * (speed - speeds[m])
         change = p.hysteresis * (COMMITMENT if near else 1.0)
+        aside = hard + min(p.reference - low_all, high_all - p.reference)
+        if aside > half_step and speed > speeds[m]:
+            behind = speed / (speed - speeds[m]) * (end + p.rear)
+            if behind < stations[-1]:
+                passed = max(passed, behind)
+                settled = max(settled, behind + RETURN_TIME * math.sqrt(aside) * speed)
         for i in range(stations.shape[0]):
             half_layer = 0.5 * (stations[min(i + 1, stations.shape[0] - 1)] - stations[max(i - 1, 0)]) * 0.5
             shift = speeds[m] * times[i]
             along = max(begin + shift - stations[i] - p.reach, stations[i] - p.reach - end - shift, 0.0)
             if along > p.safe_distance + half_layer:
                 continue
+            share = 1.0 if stations[i] <= certain[m] else FAR_SHARE
             reach = half_layer + p.reach
             low, high = lateral_interval(polygons[m], shift, stations[i] - reach, stations[i] + reach)
             inside = low <= high
             if not inside:
                 low, high = low_all, high_all
-            elif max(low - p.reference, p.reference - high) < hard - half_step:
-                left_again = max(left_again, i)
             for j in range(offsets.shape[0]):
                 gap = max(low - offsets[j], offsets[j] - high, 0.0)
                 across = max(gap - soft, 0.0)
@@ -126,16 +142,16 @@ def node_costs(stations, times, offsets, speed, polygons, speeds, committed, p):
                     if gap < soft:
                         cost[i, j] += NEAR_COST
                     if gap < hard - half_step:
-                        cost[i, j] += BLOCKED_COST
+                        cost[i, j] += share * BLOCKED_COST
                     if gap < p.half_width - half_step:
-                        cost[i, j] += COLLISION_COST
+                        cost[i, j] += share * COLLISION_COST
                     if committed[m] * (offsets[j] - 0.5 * (low + high)) < 0.0:
                         cost[i, j] += change
     for i in range(stations.shape[0]):
-        weight = p.weight_reference * (APPROACH_SHARE if i < left_again else 1.0)
+        share = APPROACH_SHARE if stations[i] < passed else RETURN_SHARE if stations[i] < settled else 1.0
         for j in range(offsets.shape[0]):
-            cost[i, j] += weight * (offsets[j] - p.reference) ** 2
-    return cost
+            cost[i, j] += share * p.weight_reference * (offsets[j] - p.reference) ** 2
+    return cost, settled
 
 
 @njit(cache=True, nogil=True)
@@ -222,7 +238,7 @@ def arrival_times(stations, speed, cruise, acceleration):
 
 
 @njit(cache=True, nogil=True)
-def plan_path(station, offset, speed, cruise, polygons, speeds, committed, p):
+def plan_path(station, offset, speed, cruise, polygons, speeds, committed, certain, p):
     """Search the best path from the car on and the corridor around it.
 
     Args:
@@ -230,6 +246,7 @@ def plan_path(station, offset, speed, cruise, polygons, speeds, committed, p):
         speed, cruise: Present speed, and the one to go back to, in [m/s].
         polygons, speeds: Obstacles relative to the car, shapes (M, 8, 2) and (M,), in [m] and [m/s].
         committed: Passing sides kept from the step before, 0 for none, shape (M,).
+        certain: See `node_costs`.
         p: PlannerSettings.
 
     Returns:
@@ -247,7 +264,7 @@ def plan_path(station, offset, speed, cruise, polygons, speeds, committed, p):
     offsets = LATERAL_STEP * np.arange(lowest, highest + 1)
 
     times = arrival_times(stations, speed, cruise, p.acceleration)
-    cost = node_costs(stations, times, offsets, pace, polygons, speeds, committed, p)
+    cost, settled = node_costs(stations, times, offsets, pace, polygons, speeds, committed, certain, p)
     start = offset / LATERAL_STEP - lowest
     slope = min(p.max_slope, p.max_lateral_speed / pace)
     reach = max(int(slope * spacing / LATERAL_STEP + 1e-9), 1)
@@ -278,14 +295,14 @@ def plan_path(station, offset, speed, cruise, polygons, speeds, committed, p):
             if narrow or (squeezed[i] and not squeezed[: i + 1].all()):
                 blocker, room = GAP_TOO_NARROW, path_stations[i - 1]
                 break
-    return path_stations, path, right, left, sides, least, blocker, room
+    return path_stations, path, right, left, sides, least, blocker, room, settled
 
 
 @njit(cache=True, nogil=True)
 def _passing_sides(stations, times, path, polygons, speeds, p):
-    """Side on which the path passes each obstacle, what blocks it first, and from which station on."""
+    """Side on which the path passes each obstacle, what slows the car down most, and from where on it is blocked."""
     sides = np.zeros(polygons.shape[0], np.int64)
-    blocker, nearest_face, blocked_from = FREE, math.inf, stations.shape[0]
+    blocker, least, blocked_from = FREE, math.inf, stations.shape[0]  # least speed that is allowed now
     reach = max(p.reach, 0.5 * (stations[2] - stations[1]))
     for m in range(polygons.shape[0]):
         begin, end = polygons[m, :, 0].min(), polygons[m, :, 0].max()
@@ -313,6 +330,8 @@ def _passing_sides(stations, times, path, polygons, speeds, p):
             sides[m] = 0  # straight into it: there is no side to keep
         if hit < stations.shape[0]:
             blocked_from = min(blocked_from, hit)
-            if begin < nearest_face:
-                blocker, nearest_face = m, begin
+            room = max(begin, stations[hit] - reach) - p.front
+            allowed = max(speeds[m], 0.0) + math.sqrt(2.0 * p.comfort_braking * max(room, 0.0))
+            if allowed < least:
+                blocker, least = m, allowed
     return sides, blocker, blocked_from

@@ -76,11 +76,12 @@ def condense(x0, speed, car, period, level, block, group, forces, turn_rate, fre
 
 
 @njit(cache=True, nogil=True)
-def fill_cost(speed, car, period, level, block, group, forces, path, heading, weights, free, response, P, c):
+def fill_cost(speed, car, period, level, block, group, forces, path, heading, firmness, weights, free, response, P, c):
     """Cost (15): distance and lateral speed to the planned path, lateral acceleration, jerk and rate.
 
     Args:
         path, heading: Reference offset [m] and heading [rad] at the nodes, shape (N,).
+        firmness: Share of the first two costs at the nodes, shape (N,).
         weights: MpcWeights.
         P, c: Filled.
         speed, car, period, level, block, group, forces, free, response: See `condense`.
@@ -96,7 +97,8 @@ def fill_cost(speed, car, period, level, block, group, forces, path, heading, we
         P[block[k], block[k]] += dt * effort
         if k == level.shape[0] - 1:
             dt *= TERMINAL_WEIGHT
-        w_l, w_e, w_a = dt * weights.offset, dt * weights.lateral_speed * v * v, dt * weights.acceleration
+        tracking, w_a = dt * firmness[k], dt * weights.acceleration
+        w_l, w_e = tracking * weights.offset, tracking * weights.lateral_speed * v * v
         r_l, r_e = free[k, 0] - path[k], free[k, 1] - heading[k]
         # a_y is the sum of the axle forces over the mass
         slope_f, force_f, slope_r, force_r, _ = forces[group[k]]

@@ -18,13 +18,13 @@ from sidestep.controller.plan import Plan
 from sidestep.controller.planner import FREE, PlannedPath, PlannerSettings
 from sidestep.controller.prediction import SLOWEST, Prediction, advance
 from sidestep.controller.roll import Body, advance_roll, lateral_acceleration, roll_ahead
-from sidestep.controller.stopping import SWERVE_TIME, approach_speed, spare_braking, squeezed_speed
+from sidestep.controller.stopping import GRIP_SHARE, SWERVE_TIME, approach_speed, spare_braking, squeezed_speed
 from sidestep.controller.validity import Validity
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import ReferencePath
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
 from sidestep.plant_models.speed_control import SPEED_GAIN
-from sidestep.plant_models.vehicle import VehicleParameters
+from sidestep.plant_models.vehicle import GRAVITY, VehicleParameters
 
 Array = NDArray[np.float64]
 
@@ -195,13 +195,15 @@ class SteeringController:
             state.steer_angle, self._sent[0],
         ])  # fmt: skip
         self._observe(state, x)
+        x[4] += self._disturbance.sensor
         x[5] += self._disturbance.angle
         if len(self._sent) == 1:  # nothing is on its way
             return s, x, self._roll
         pending = np.array(self._sent[1:]) + self._disturbance.angle
         s += v * config.period * len(pending)
         turn_rate = v * self.path.curvature(s)
-        x, roll = advance(x, self._roll, v, turn_rate, self._disturbance[1:], pending, config.period, self._car)
+        forces = self._disturbance.forces(self._car)
+        x, roll = advance(x, self._roll, v, turn_rate, forces, pending, config.period, self._car)
         return s, x, roll
 
     def _observe(self, state: VehicleState, x: Array) -> None:
@@ -223,23 +225,24 @@ class SteeringController:
         if config.reject_disturbance:
             self._disturbance = Disturbance(*observe_disturbance(self._disturbance, start, x, *step))
         if config.estimate_friction:
-            self._believe(observe_friction(start, x, *step, config.friction))
+            self._believe(observe_friction(start, x, self._disturbance.sensor, *step, config.friction))
 
     def _solve(self, x0: Array, corridor: Corridor, v: float, before: Prediction) -> Solution:
         mpc = self._mpc
         if isinstance(mpc, PaperMpc):
             return mpc.solve(x0, v, corridor.turn_rate, corridor.bounds, self.config.reference_offset)
         return mpc.solve(
-            x0, v, corridor.offset, corridor.slope, corridor.turn_rate, corridor.bounds, before,
-            self._disturbance[1:], self._slip_bounds(v), self._car,
+            x0, v, corridor.offset, corridor.slope, corridor.firmness, corridor.turn_rate, corridor.bounds, before,
+            self._disturbance.forces(self._car), self._slip_bounds(v), self._car,
         )  # fmt: skip
 
     def _plan_corridor(self, s: float, l: float, state: VehicleState, before: Prediction) -> Corridor:  # noqa: E741
-        path, offset, slope, turn_rate, bounds, gap, gap_speed = plan_corridor(
+        path, offset, slope, firmness, turn_rate, bounds, gap, gap_speed = plan_corridor(
             s, l, state.v_x, self._cruise or 0.0, state.time, self._boxes, self.path.table, self.path.period,
-            self._sides, self._held_up, self._settings, self._grid, before.times, before.states, before.age,
+            self._sides, self._held_up, self.plan is None or self.plan.feasible, self._settings, self._grid,
+            before.times, before.states, before.age,
         )  # fmt: skip
-        return Corridor(PlannedPath(*path), offset, slope, turn_rate, bounds, gap, gap_speed)
+        return Corridor(PlannedPath(*path), offset, slope, firmness, turn_rate, bounds, gap, gap_speed)
 
     def _longitudinal(self, corridor: Corridor, solution: Solution, v: float) -> tuple[float, float]:
         """Speed to hold, and free distance before what blocks the road."""
@@ -313,4 +316,5 @@ def _planner_settings(vehicle: VehicleParameters, c: ControllerConfig) -> Planne
         weight_reference=c.weight_reference, weight_continuity=c.weight_continuity,
         weight_obstacle=c.weight_obstacle, hysteresis=c.side_hysteresis,
         max_lateral_speed=c.max_lateral_speed, max_slope=c.max_slope, acceleration=vehicle.max_acceleration,
+        braking=min(vehicle.max_braking, GRIP_SHARE * c.friction * GRAVITY), comfort_braking=c.comfort_braking,
     )  # fmt: skip

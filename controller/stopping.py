@@ -13,7 +13,7 @@ GRIP_SHARE, LEAST_BRAKING = 0.85, 1.0
 tyres give no more in both directions together, and the prediction does not know of what braking takes."""
 SWERVE_TIME = 0.6
 """How far ahead the swerve counts that braking must leave grip for, in [s]."""
-SLOWING_SHARE = 0.5
+SLOWING_SHARE = 0.25
 """Share of the buffer that a prediction may use up before the car slows down for it."""
 CREEP_SPEED = 2.0
 """Speed left when the corridor cannot be held: standing still, the car would never come back into it, in [m/s]."""

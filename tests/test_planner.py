@@ -13,9 +13,12 @@ from sidestep.controller.planner import (
     APPROACH_SHARE,
     BLOCKED_COST,
     COLLISION_COST,
+    FAR_SHARE,
     FREE,
     GAP_TOO_NARROW,
     LATERAL_STEP,
+    RETURN_SHARE,
+    RETURN_TIME,
     PlannedPath,
     PlannerSettings,
     arrival_times,
@@ -28,6 +31,7 @@ SETTINGS = PlannerSettings(
     front=2.12, rear=2.39, reach=1.35, half_width=0.805, buffer=0.2, tightening=0.03, margin_time=0.01,
     safe_distance=1.0, reference=0.0, right_edge=-4.0, left_edge=4.0, weight_reference=1.0, weight_continuity=0.2,
     weight_obstacle=3.0, hysteresis=2.0, max_lateral_speed=5.0, max_slope=0.35, acceleration=3.0,
+    braking=8.0, comfort_braking=3.0,
 )  # fmt: skip
 HARD = SETTINGS.half_width + SETTINGS.buffer
 
@@ -36,7 +40,10 @@ def search(boxes, speed=15.0, offset=0.0, committed=None, station=0.0, settings=
     boxes = np.array(boxes, dtype=float).reshape(-1, 6)
     polygons = obstacle_polygons(boxes, np.zeros(len(boxes)))
     committed = np.zeros(len(boxes), dtype=np.int64) if committed is None else np.array(committed)
-    return PlannedPath(*plan_path(station, offset, speed, speed, polygons, boxes[:, 5].copy(), committed, settings))
+    certain = np.full(len(boxes), math.inf)
+    return PlannedPath(
+        *plan_path(station, offset, speed, speed, polygons, boxes[:, 5].copy(), committed, certain, settings)
+    )
 
 
 def brute_force(cost, first_weight, weight, reach, start, start_reach):
@@ -79,22 +86,23 @@ def test_free_road_is_followed():
 def test_node_costs_are_those_of_the_paper():
     box = np.array([[20.0, 0.0, 4.0, 2.0, 0.0, 0.0]])
     stations, offsets = np.arange(1.0, 60.0), np.arange(-3.0, 3.01, 0.5)
-    cost = node_costs(
-        stations,
-        stations / 15.0,
-        offsets,
-        15.0,
-        obstacle_polygons(box, np.zeros(1)),
-        np.zeros(1),
-        np.zeros(1),
-        SETTINGS,
-    )
-    assert cost[50] == pytest.approx(offsets**2)  # (10) far from everything
+    speeds, committed = np.zeros(1), np.zeros(1)
+
+    def costs(certain):
+        polygons, certain = obstacle_polygons(box, np.zeros(1)), np.array([certain])
+        return node_costs(stations, stations / 15.0, offsets, 15.0, polygons, speeds, committed, certain, SETTINGS)
+
+    cost, settled = costs(math.inf)
+    assert settled == pytest.approx(22.0 + SETTINGS.rear + 15.0 * RETURN_TIME * math.sqrt(1.0 + HARD))
+    assert cost[57] == pytest.approx(offsets**2)  # (10) far from everything
+    assert cost[30] == pytest.approx(RETURN_SHARE * offsets**2)
     assert cost[19, 6] > COLLISION_COST
     soft = HARD + SETTINGS.tightening + 0.15
     d = 2.5 - 1.0 - soft  # (12) beside the box: d_obs less what it was expanded by
     assert cost[19, 11] == pytest.approx(APPROACH_SHARE * 2.5**2 + 3.0 * (1.0 - d) ** 2)
     assert cost[19, np.abs(offsets) < 1.0 + HARD - LATERAL_STEP].min() >= BLOCKED_COST
+    far, _ = costs(15.0)  # it may stop before
+    assert far[19, 6] == pytest.approx(cost[19, 6] - (1.0 - FAR_SHARE) * (BLOCKED_COST + COLLISION_COST))
 
 
 def test_path_keeps_clear_and_respects_the_slope_limit():
@@ -203,5 +211,6 @@ def test_slow_leader_blocks_even_when_followed_at_its_speed():
     """At the leader's own speed it would never be reached; at the cruising speed it would."""
     box = np.array([[7.0, 0.0, 4.5, 6.5, 0.0, 5.0]])
     polygons = obstacle_polygons(box, np.zeros(1))
-    path = PlannedPath(*plan_path(0.0, 0.0, 5.0, 15.0, polygons, np.array([5.0]), np.zeros(1, np.int64), SETTINGS))
-    assert path.blocker == 0
+    everywhere = np.full(1, math.inf)
+    path = plan_path(0.0, 0.0, 5.0, 15.0, polygons, np.array([5.0]), np.zeros(1, np.int64), everywhere, SETTINGS)
+    assert PlannedPath(*path).blocker == 0

@@ -119,6 +119,22 @@ def test_blocked_road_stops_the_car_before_it():
 
 
 @pytest.mark.closed_loop
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+def test_a_car_that_is_held_up_waits_beside_the_lane_of_what_comes(mirror):
+    standing = Obstacle(34.0, -2.2 * mirror, 4.0, 3.0)
+    oncoming = Obstacle(60.0, 1.2 * mirror, 4.5, 1.8, speed=-8.0)
+    states, _, _ = drive((standing, oncoming), duration=12.0)
+    for state in states:
+        middle = oncoming.s + oncoming.speed * state.time
+        box = shapely.box(middle - 2.25, oncoming.l - 0.9, middle + 2.25, oncoming.l + 0.9)
+        assert footprint(state).distance(box) > 0.1
+        assert footprint(state).distance(shapely.box(32.0, standing.l - 1.5, 36.0, standing.l + 1.5)) > 0.1
+    assert min(state.v_x for state in states) < 8.0
+    assert states[-1].x > 60.0
+    assert mirror * np.interp(34.0, [state.x for state in states], [state.y for state in states]) > 0.3
+
+
+@pytest.mark.closed_loop
 def test_comfortable_braking_where_the_distance_allows_it():
     states, _, _ = drive((Obstacle(100.0, 0.0, 1.0, 12.0),), duration=12.0)
     braking = -np.diff([state.v_x for state in states]) / 0.02

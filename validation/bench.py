@@ -2,10 +2,10 @@
 
 Method: the double-obstacle scene is driven once on every plant, which times the plant's steps. The states of the
 linear plant's drive are then replayed through a fresh controller in several passes, and the QPs of one pass through
-every QP solver that is installed. No bound of the MPC acts in that scene, which spares the controller its solver;
-what a step costs where one does is taken from a replay of the double lane change. One thread, garbage collector off, the first pass thrown away. `median` and `p99`
-are over all steps of all passes; for `p99_quiet` the median over the passes is taken of every step first, which
-keeps what the work of a step costs and drops what the scheduler adds now and then.
+every QP solver that is installed. Where no bound of the MPC acts the controller needs no solver; what a step costs
+where one does is taken from a replay of the double lane change, too. One thread, garbage collector off, the first
+pass thrown away. `median` and `p99` are over all steps of all passes; for `p99_quiet` the median over the passes is
+taken of every step first, which keeps what the work of a step costs and drops what the scheduler adds now and then.
 """
 
 import argparse
@@ -147,8 +147,7 @@ def _drive(scenario: Scenario, kind: str) -> Drive | None:
 
 
 def _replay(scenario: Scenario, states: Sequence[VehicleState]) -> Array:
-    """Whole step as its caller sees it, path search with corridor in it, in [us], and iterations of the solver;
-    shape (3, steps)."""
+    """Whole step as its caller sees it and path search in it, in [us], and solver's iterations; shape (3, steps)."""
     controller, times = _controller(scenario), np.empty((3, len(states)))
     for k, state in enumerate(states):
         began = perf_counter_ns()
