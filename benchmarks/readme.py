@@ -93,6 +93,7 @@ def bench_table() -> str:
         ("Cost of", "Median [µs]", "p99 [µs]", "p99, scheduler noise removed [µs]"),
         _times("controller step: search, corridor, QP, solve", figures["controller_step_us"]),
         _times("of which path search and corridor", figures["planner_us"]),
+        _times("controller step in a double lane change, where a bound acts", figures["bounded_step_us"]),
         *(_times(f"its QP in {_solver(name, figures)}", times) for name, times in qps.items()),
         *((f"{name} plant, per 20 ms", _one(plants[name]), "", "") for name in ("linear", "single-track")),
         ("mujoco plant, per 1 ms", _one(plants["mujoco"]), "", ""),

@@ -38,9 +38,9 @@ def test_braking_and_swerving_share_the_grip():
 
 
 @pytest.mark.parametrize("room", [40.0, 8.0])
-def test_half_the_buffer_is_braked_for(room):
-    assert squeezed_speed(0.09, room, False, CONFIG) == math.inf
-    assert squeezed_speed(0.11, room, False, CONFIG) == approach_speed(room, 0.0, CONFIG.comfort_braking)
+def test_a_quarter_of_the_buffer_is_braked_for(room):
+    assert squeezed_speed(0.04, room, False, CONFIG) == math.inf
+    assert squeezed_speed(0.06, room, False, CONFIG) == approach_speed(room, 0.0, CONFIG.comfort_braking)
 
 
 def test_creeping_on_only_where_the_road_is_free():

@@ -56,7 +56,7 @@ def test_what_the_tyres_never_reach_is_the_peak(file):
 
 
 def test_the_plan_keeps_the_slip_angle_of_that_acceleration(file):
-    path, box, largest = ReferencePath.from_segments([Line(200.0)]), Obstacle(31.0, -0.6, 4.5, 1.8), []
+    path, box, largest = ReferencePath.from_segments([Line(200.0)]), Obstacle(28.0, -0.6, 4.5, 1.8), []
     for validity in ("", file):
         controller = SteeringController(CAR, path, [box], ControllerConfig(cruise_speed=20.0, validity=validity))
         controller.step(VehicleState(v_x=20.0))
@@ -64,8 +64,8 @@ def test_the_plan_keeps_the_slip_angle_of_that_acceleration(file):
         _, _, beta, yaw_rate, steer, _ = controller.plan.states.T
         largest.append(np.abs(steer - beta - CAR.l_f * yaw_rate / 20.0).max())
     bound, _ = Validity.from_file(file, "affine").slip_at(20.0, Car.of(CAR, True, 1.0))
-    assert largest[0] > bound + 1.5e-3
-    assert largest[1] < bound + 5e-4  # soft
+    assert largest[0] > bound + 8e-4
+    assert largest[1] < bound + 1e-4  # soft
 
 
 def test_the_paper_s_angle_bound_follows_its_own_table(file):
