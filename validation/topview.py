@@ -119,8 +119,10 @@ def _whole_run(axes: Axes, scenario: Scenario, recording: Recording, judgement: 
     if judgement.time is not None and judgement.min_clearance is not None:
         draw_cars(axes, scenario, recording, np.array([judgement.time]), facecolor=BLUE)
         i = int(np.argmin(np.abs(recording["time"] - judgement.time)))
+        o = judgement.obstacle
+        above = o is None or scenario.obstacles[o].l < recording["l"][i]  # on the side that is free
         axes.annotate(
-            distance(judgement.min_clearance, 2), (recording["x"][i], recording["y"][i]), (0, 16),
+            distance(judgement.min_clearance, 2), (recording["x"][i], recording["y"][i]), (0, 16 if above else -24),
             textcoords="offset points", ha="center", fontsize=8.5, fontweight="bold", zorder=6,
         )  # fmt: skip
     axes.set_title(f"The run: outlines every {OUTLINE_EVERY:g} s, closest approach filled")
