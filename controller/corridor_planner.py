@@ -15,8 +15,8 @@ from sidestep.plant_models.vehicle import VehicleParameters
 
 Array = NDArray[np.float64]
 
-SWEEP_TIME = 6.0
-"""How far ahead in time an oncoming obstacle keeps its lane from a car that has been held up, in [s]."""
+VIEW_TIME = 6.0
+"""How far ahead in time obstacles are looked at at least, in [s]."""
 VIEW_MARGIN = 10.0
 """Beyond the lattice and behind the car, in [m], up to which obstacles are looked at."""
 VIEW_BEHIND = 3.0
@@ -68,15 +68,18 @@ class Corridor(NamedTuple):
 
     Attributes:
         path: See PlannedPath.
+        stations: Of the nodes, from the car on, shape (N,), in [m].
         offset, slope: Path at the nodes, shape (N,), in [m] and [rad].
         firmness: Share of the costs of leaving the path at the nodes, shape (N,).
         turn_rate: Heading rate of the road at the nodes, shape (N,), in [rad/s].
         bounds: See `corridor.footprint_bounds`, shape (4, N), in [m].
-        gap: Distance from the front bumper to what blocks the road, in [m]; infinite if nothing does.
+        gap: Distance that the front bumper may go to what blocks the road, in [m]; infinite if nothing does. Less than
+            there is where the car must swing out again.
         gap_speed: Speed of that along the road, in [m/s].
     """
 
     path: PlannedPath
+    stations: Array
     offset: Array
     slope: Array
     firmness: Array
@@ -90,7 +93,7 @@ class Corridor(NamedTuple):
 def _in_view(s, speed, cruise, now, boxes, period, settings):
     """Which boxes can be met on the way, and these with s from the car on, at present."""
     end = (LAYERS + 1) * layer_spacing(speed)
-    until = max(arrival_times(np.array([end]), speed, cruise, settings.acceleration)[0], SWEEP_TIME)
+    until = max(arrival_times(np.array([end]), speed, cruise, settings.acceleration)[0], VIEW_TIME)
     begin = -settings.rear - VIEW_MARGIN - VIEW_BEHIND * max(speed, 0.0)
     near, ahead = np.empty(boxes.shape[0], np.int64), np.empty(boxes.shape[0])
     count = 0
@@ -124,6 +127,14 @@ def _way_out(offset, lateral, speed, settings):
 
 
 @njit(cache=True, nogil=True)
+def _something_comes(polygons, speeds, settings):
+    coming = False
+    for m in range(speeds.shape[0]):
+        coming |= speeds[m] < 0.0 and polygons[m, :, 0].max() > -settings.rear
+    return coming
+
+
+@njit(cache=True, nogil=True)
 def _plan(s, offset, speed, cruise, polygons, speeds, committed, held_up, settings):
     """The path; a car that is held up waits where oncoming obstacles pass it.
 
@@ -136,17 +147,17 @@ def _plan(s, offset, speed, cruise, polygons, speeds, committed, held_up, settin
         path = plan_path(s, offset, speed, cruise, polygons, speeds, committed, everywhere, settings)
         if path[6] == FREE:
             return path
-    if not (speeds < 0.0).any():
+    if not _something_comes(polygons, speeds, settings):
         return plan_path(s, offset, speed, cruise, polygons, speeds, committed, everywhere, settings)
     stop = max(speed, 0.0) * (BRAKING_DELAY + 0.5 * speed / settings.braking)
     swept, standing = polygons.copy(), np.maximum(speeds, 0.0)
     for m in range(speeds.shape[0]):
         if speeds[m] < 0.0:
-            middle = 0.5 * (polygons[m, 0, 0] + polygons[m, 4, 0])
-            leave = _way_out(offset, polygons[m, :, 1], speed, settings)
-            for i in range(polygons.shape[1]):
-                if polygons[m, i, 0] < middle:
-                    swept[m, i, 0] = min(polygons[m, i, 0], max(stop, leave))
+            along, across = polygons[m, :, 0], polygons[m, :, 1]
+            begin, end = min(along.min(), max(stop, _way_out(offset, across, speed, settings))), along.max()
+            middle, width = 0.5 * (across.min() + across.max()), across.max() - across.min()
+            lane = np.array([[0.5 * (begin + end), middle, end - begin, width, 0.0, 0.0]])
+            swept[m] = obstacle_polygons(lane, np.zeros(1))[0]
     path = plan_path(s, offset, speed, cruise, swept, standing, committed, everywhere, settings)
     if path[6] == FREE:
         return path
@@ -231,7 +242,7 @@ def plan_corridor(
     gap, gap_speed = math.inf, 0.0
     if blocker >= 0 and speeds[blocker] >= 0.0:
         gap, gap_speed = polygons[blocker, :, 0].min() - settings.front, speeds[blocker]
-        if (speeds < 0.0).any():
+        if _something_comes(polygons, speeds, settings):
             gap = _room_to_leave(gap, pace, polygons[blocker, :, 1], path_stations, path_offsets, settings)
     elif blocker != FREE:
         gap = room
@@ -241,4 +252,4 @@ def plan_corridor(
     full = min(max(2.0 * pace / FULL_EASE_SPEED - 1.0, 0.0), 1.0) if gentle and blocker == FREE else 0.0
     firmness = np.where(stations < settled, EASE**full, 1.0)
     firmness[-1] = max(firmness[-1], END_EASE)
-    return path, offsets, slope, firmness, pace * curvature, bounds, gap, gap_speed
+    return path, stations, offsets, slope, firmness, pace * curvature, bounds, gap, gap_speed

@@ -3,8 +3,8 @@
 Two states one step apart give the forces that the axles really had. What the tyre model lacks of them at the rear is
 learned as a force on the whole car, split like its weight: bank or side wind. What then is missing at the front comes
 from an angle of its wheels that no sensor sees: a misaligned steering. What the actuator lacks of its command is an
-angle that the sensor does see. All are learned slowly against the car's own motion: the steady part of a mismatch is
-taken, transients are left alone.
+angle that the sensor does see. After the first second all are learned slowly against the car's own motion: the steady
+part of a mismatch is taken, transients are left alone.
 """
 
 import math
@@ -13,13 +13,14 @@ from typing import NamedTuple
 from numba import njit
 
 from sidestep.controller.car_model import Car, axle_force, slip_angles
-from sidestep.controller.prediction import SLOWEST
+from sidestep.controller.prediction import SLOWEST, tyre_lag
 from sidestep.controller.roll import felt, lateral_acceleration
 
 DISTURBANCE_TIME = 0.8
 """Time constant of the disturbance estimate, in [s]."""
 FIRST_STEPS = 5.0
-"""How many steps the first one counts as; from then on the estimate is the mean, until the time constant is reached."""
+"""The estimate begins as a mean, in which knowing nothing counts as one step less than these, until the time constant
+is reached."""
 MAX_SHARE, MAX_ANGLE = 0.15, 0.05
 """Largest estimates: force as a share of the weight, and each angle in [rad]."""
 LINEAR_SHARE = 0.5
@@ -43,7 +44,7 @@ class Disturbance(NamedTuple):
         actuator: Road-wheel angle that the sensor shows less the commanded one, at rest, in [rad].
         sensor: Road-wheel angle that the tyres have less what the sensor shows, in [rad].
         share: Lateral force on the car, as a share of its weight.
-        steps: From which it was learned.
+        steps: Since the start.
     """
 
     actuator: float = 0.0
@@ -81,7 +82,8 @@ def real_forces(before, now, v, period, car):
 
 @njit(cache=True, nogil=True)
 def _model_forces(before, now, sensor, roll, v, period, car):
-    middle = 0.5 * (before + now) - car.relaxation / (v * period) * (now - before)
+    lag = tyre_lag(v, car.stiffness_f + car.stiffness_r, car)
+    middle = 0.5 * (before + now) - lag / period * (now - before)
     aside, moved_f, moved_r = felt(roll[0], roll[1], car.body)
     front, rear = slip_angles(middle[2] + aside / v, middle[3], middle[4] + sensor, v, car)
     force_f = axle_force(front, car.stiffness_f, car.load_f, car, moved_f)

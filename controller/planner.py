@@ -101,8 +101,8 @@ def node_costs(stations, times, offsets, speed, polygons, speeds, committed, cer
         p: PlannerSettings.
 
     Returns:
-        Shape (S, L); entries >= BLOCKED_COST lie within half width and buffer of an obstacle. And the station from
-        which on the car is back on the reference.
+        Shape (S, L); entries >= BLOCKED_COST lie within half width and buffer of an obstacle that is met. And the
+        station from which on the car is back on the reference.
     """
     cost = np.zeros((stations.shape[0], offsets.shape[0]))
     passed, settled = 0.0, 0.0  # the last obstacle on the reference, and the way back from it

@@ -81,16 +81,29 @@ def model_block(speed, slope_f, slope_r, car):
 
 
 @njit(cache=True, nogil=True)
+def tyre_lag(v, slopes, car):
+    """Time until forces follow slip, in [s].
+
+    To first order that holds while it is short beside the car's own time constant, and matters there; below some
+    8 m/s, where it is not short, it fades out.
+
+    Args:
+        v: Speed, in [m/s].
+        slopes: Of both axle forces together, in [N/rad].
+        car: Car.
+    """
+    lag = car.relaxation / v
+    return lag / (1.0 + (2.0 * lag * slopes / (car.mass * v)) ** 2)
+
+
+@njit(cache=True, nogil=True)
 def _relax(a, v, slope_f, slope_r, car):
     """Let axle forces lag behind their slip angles by the time the tyres take to roll their relaxation length.
 
-    To first order, F = C (alpha - lag alpha'), which needs no states of its own: solved for beta' and gamma'. That
-    holds while the lag is short beside the car's own time constant, and matters there; below some 8 m/s, where it is
-    not short, it fades out.
+    To first order, F = C (alpha - lag alpha'), which needs no states of its own: solved for beta' and gamma'.
     """
     m, i_z, l_f, l_r, total = car.mass, car.yaw_inertia, car.l_f, car.l_r, slope_f + slope_r
-    lag = car.relaxation / v
-    lag /= 1.0 + (2.0 * lag * total / (m * v)) ** 2
+    lag = tyre_lag(v, total, car)
     moment = l_f * slope_f - l_r * slope_r
     own_b, own_r = 1.0 - lag * total / (m * v), 1.0 - lag * (l_f**2 * slope_f + l_r**2 * slope_r) / (i_z * v)
     cross_b, cross_r = -lag * moment / (m * v * v), -lag * moment / i_z

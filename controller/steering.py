@@ -109,6 +109,11 @@ class SteeringController:
             setattr(self, name, value)
         if self.config.cruise_speed is not None:
             self._cruise = self.config.cruise_speed
+        if not self.config.reject_disturbance:
+            self._disturbance = Disturbance()
+        if self._sent:
+            kept = self.config.input_delay_steps + 1
+            self._sent = (self._sent[:1] * kept + self._sent)[-kept:]
         self._believe(friction if self.config.estimate_friction else self.config.friction)
         if isinstance(self._mpc, Mpc):
             self._mpc.moves = moves
@@ -177,7 +182,7 @@ class SteeringController:
         self._sides = np.where(sides == 0, self._sides, sides) if self._held_up else sides
         if v < STANDSTILL:
             solution.states[1:, 5] = x0[5]
-        plan = self._plan(state, s, roll, corridor.path, solution, stop_distance, target, began, planned)
+        plan = self._plan(state, s, roll, corridor, solution, stop_distance, target, began, planned)
         if not solution.solved or not math.isfinite(solution.states.sum()):
             return self._fall_back(state.time, solution.status, plan)
         self._good = plan
@@ -195,11 +200,12 @@ class SteeringController:
             state.steer_angle, self._sent[0],
         ])  # fmt: skip
         self._observe(state, x)
+        limit, angle = self.vehicle.steer_limit, self._disturbance.angle
         x[4] += self._disturbance.sensor
-        x[5] += self._disturbance.angle
+        x[5] = min(max(x[5] + angle, -limit), limit)
         if len(self._sent) == 1:  # nothing is on its way
             return s, x, self._roll
-        pending = np.array(self._sent[1:]) + self._disturbance.angle
+        pending = np.clip(np.array(self._sent[1:]) + angle, -limit, limit)
         s += v * config.period * len(pending)
         turn_rate = v * self.path.curvature(s)
         forces = self._disturbance.forces(self._car)
@@ -237,12 +243,12 @@ class SteeringController:
         )  # fmt: skip
 
     def _plan_corridor(self, s: float, l: float, state: VehicleState, before: Prediction) -> Corridor:  # noqa: E741
-        path, offset, slope, firmness, turn_rate, bounds, gap, gap_speed = plan_corridor(
+        path, stations, offset, slope, firmness, turn_rate, bounds, gap, gap_speed = plan_corridor(
             s, l, state.v_x, self._cruise or 0.0, state.time, self._boxes, self.path.table, self.path.period,
             self._sides, self._held_up, self.plan is None or self.plan.feasible, self._settings, self._grid,
             before.times, before.states, before.age,
         )  # fmt: skip
-        return Corridor(PlannedPath(*path), offset, slope, firmness, turn_rate, bounds, gap, gap_speed)
+        return Corridor(PlannedPath(*path), stations, offset, slope, firmness, turn_rate, bounds, gap, gap_speed)
 
     def _longitudinal(self, corridor: Corridor, solution: Solution, v: float) -> tuple[float, float]:
         """Speed to hold, and free distance before what blocks the road."""
@@ -259,15 +265,16 @@ class SteeringController:
         swerve = v * float(np.abs(solution.states[: self._swerve_nodes, 3]).max())
         return max(target, v - spare_braking(swerve, self._car.friction) / SPEED_GAIN), max(distance, 0.0)
 
-    def _plan(self, state: VehicleState, s: float, roll: tuple[float, float], path: PlannedPath, solution: Solution,
+    def _plan(self, state: VehicleState, s: float, roll: tuple[float, float], corridor: Corridor, solution: Solution,
               stop_distance: float, target: float, began: float, planned: float) -> Plan:  # fmt: skip
+        path = corridor.path
         feasible = solution.solved and solution.slack_corridor <= FEASIBLE_SLACK
         status = Status.TRACKING if feasible and solution.slack_slip <= FEASIBLE_SLACK else Status.DEGRADED
         return Plan(
             time=state.time, status=Status.BLOCKED if path.blocker != FREE else status,
             s=s + path.stations, l=path.offsets, left=path.left, right=path.right,
             states=solution.states, roll=self._roll_ahead(roll, solution.states, state.v_x),
-            states_s=s + state.v_x * self._node_times, states_time=self._node_times,
+            states_s=s + np.concatenate([[0.0], corridor.stations]), states_time=self._node_times,
             solver_status=solution.status, iterations=solution.iterations,
             primal_residual=solution.primal_residual, dual_residual=solution.dual_residual,
             slack_corridor=solution.slack_corridor, slack_slip=solution.slack_slip, feasible=feasible,

@@ -155,6 +155,16 @@ def test_estimated_friction_reaches_the_prediction():
     assert slippery._car.friction == 1.0
 
 
+@pytest.mark.closed_loop
+@pytest.mark.parametrize("speed", [3.5, 6.0, 12.0])
+def test_noise_is_not_taken_for_a_slippery_road(speed):
+    noisy, rng = controller(estimate_friction=True), np.random.default_rng(3)
+    for k in range(400):
+        v_y, yaw_rate = rng.normal(0.0, [0.02, 0.005])
+        noisy.step(VehicleState(k * PERIOD, speed * k * PERIOD, 0.0, 0.0, speed, v_y, yaw_rate))
+    assert noisy._car.friction > 0.95
+
+
 def test_peak_slip_is_the_maximum_of_the_axle_force():
     for friction in (0.3, 1.0):
         car = CAR._replace(friction=friction)
