@@ -11,7 +11,7 @@ from time import perf_counter
 import numpy as np
 
 from sidestep.controller import SteeringController
-from sidestep.controller.planner import shortest_path
+from sidestep.controller.lattice import shortest_path
 from sidestep.plant_models.linear_plant import LinearPlant
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import Line, ReferencePath

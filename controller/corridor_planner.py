@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from sidestep.controller.config import ControllerConfig
 from sidestep.controller.corridor import footprint_bounds, obstacle_polygons, path_reference
-from sidestep.controller.planner import FREE, LATERAL_STEP, LAYERS, PlannedPath, arrival_times, layer_spacing, plan_path
+from sidestep.controller.lattice import LATERAL_STEP, LAYERS, arrival_times, layer_spacing
+from sidestep.controller.planner import FREE, PlannedPath, plan_path
 from sidestep.plant_models.clothoid import curvature_at
 from sidestep.plant_models.vehicle import VehicleParameters
 
@@ -143,12 +144,11 @@ def _plan(s, offset, speed, cruise, polygons, speeds, committed, held_up, settin
     stop or be out of it; and what stands beyond that counts for little, as the car will stop before it.
     """
     everywhere = np.full(speeds.shape[0], np.inf)
-    if not held_up:
+    coming = _something_comes(polygons, speeds, settings)
+    if not (held_up and coming):
         path = plan_path(s, offset, speed, cruise, polygons, speeds, committed, everywhere, settings)
-        if path[6] == FREE:
+        if path[6] == FREE or not coming:
             return path
-    if not _something_comes(polygons, speeds, settings):
-        return plan_path(s, offset, speed, cruise, polygons, speeds, committed, everywhere, settings)
     stop = max(speed, 0.0) * (BRAKING_DELAY + 0.5 * speed / settings.braking)
     swept, standing = polygons.copy(), np.maximum(speeds, 0.0)
     for m in range(speeds.shape[0]):
@@ -181,6 +181,28 @@ def _room_to_leave(gap, pace, lateral, stations, offsets, settings):
     aside = min(lateral.max() - wait, wait - lateral.min()) + settings.half_width + settings.buffer
     least = max(0.5 * pace * pace / settings.comfort_braking, there)
     return max(gap - max(aside, 0.0) / settings.max_slope, min(gap, least))
+
+
+@njit(cache=True, nogil=True)
+def _gap(blocker, room, pace, stations, offsets, polygons, speeds, settings):
+    """Fields gap and gap_speed of `Corridor`."""
+    if blocker == FREE:
+        return math.inf, 0.0
+    if blocker < 0 or speeds[blocker] < 0.0:
+        return room, 0.0
+    gap = polygons[blocker, :, 0].min() - settings.front
+    if _something_comes(polygons, speeds, settings):
+        gap = _room_to_leave(gap, pace, polygons[blocker, :, 1], stations, offsets, settings)
+    return gap, speeds[blocker]
+
+
+@njit(cache=True, nogil=True)
+def _firmness(stations, settled, pace, gentle):
+    """Field firmness of `Corridor`."""
+    full = min(max(2.0 * pace / FULL_EASE_SPEED - 1.0, 0.0), 1.0) if gentle else 0.0
+    firmness = np.where(stations < settled, EASE**full, 1.0)
+    firmness[-1] = max(firmness[-1], END_EASE)
+    return firmness
 
 
 @njit(cache=True, nogil=True)
@@ -239,17 +261,9 @@ def plan_corridor(
         direction, np.interp(grid.times, times - age, states[:, 3]) / max(speed, 1.0), curvature, polygons, speeds,
         sides, settings.right_edge, settings.left_edge,
     )  # fmt: skip
-    gap, gap_speed = math.inf, 0.0
-    if blocker >= 0 and speeds[blocker] >= 0.0:
-        gap, gap_speed = polygons[blocker, :, 0].min() - settings.front, speeds[blocker]
-        if _something_comes(polygons, speeds, settings):
-            gap = _room_to_leave(gap, pace, polygons[blocker, :, 1], path_stations, path_offsets, settings)
-    elif blocker != FREE:
-        gap = room
+    gap, gap_speed = _gap(blocker, room, pace, path_stations, path_offsets, polygons, speeds, settings)
     if blocker >= 0:
         all_sides[near[blocker]] = 0  # the car waits behind it
     path = path_stations, path_offsets, right, left, all_sides, cost, blocker, room, settled
-    full = min(max(2.0 * pace / FULL_EASE_SPEED - 1.0, 0.0), 1.0) if gentle and blocker == FREE else 0.0
-    firmness = np.where(stations < settled, EASE**full, 1.0)
-    firmness[-1] = max(firmness[-1], END_EASE)
+    firmness = _firmness(stations, settled, pace, gentle and blocker == FREE)
     return path, stations, offsets, slope, firmness, pace * curvature, bounds, gap, gap_speed

@@ -1,8 +1,4 @@
-"""Path search over a lattice of the road: costs (9)-(12) under (8), exact by layered dynamic programming.
-
-Layers stand at fixed stations of the road, so that what was optimal a step ago stays optimal and the path
-does not flicker; their spacing grows with speed, which makes (8) a bound on lateral speed.
-"""
+"""Path search over a lattice of the road: costs (9)-(12) under (8), exact by layered dynamic programming."""
 
 import math
 from typing import NamedTuple
@@ -11,15 +7,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from sidestep.controller.config import ControllerConfig
 from sidestep.controller.corridor import corridor_bounds, lateral_interval
+from sidestep.controller.lattice import LATERAL_STEP, LAYERS, arrival_times, layer_spacing, shortest_path
+from sidestep.controller.stopping import GRIP_SHARE
+from sidestep.plant_models.vehicle import GRAVITY, VehicleParameters
 
-LAYERS = 60
-SPACING_TIME = 1.0 / 15.0
-MIN_SPACING = 0.5
-LATERAL_STEP = 0.08
 FREE, GAP_TOO_NARROW = -1, -2
 NEAR_COST, BLOCKED_COST, COLLISION_COST = 1e2, 1e4, 1e6
-TIE = 1e-9
 COMMITMENT_TIME, COMMITMENT = 2.5, 50.0
 """Time to reach an obstacle, in [s], from which on changing its side costs this many times more: nothing but a
 blocked way is a reason then."""
@@ -30,6 +25,10 @@ RETURN_TIME = 1.5
 """Time for the way back, in [s] per root of the way in [m]: the same lateral acceleration from any offset."""
 FAR_SHARE = 1e-4
 """Share of the price of what a car that stops will not reach."""
+
+
+PLANNER_REACH = 0.3
+"""Stretch of road that the planner checks to both sides of a station, in lengths of the car."""
 
 
 class PlannerSettings(NamedTuple):
@@ -60,6 +59,20 @@ class PlannerSettings(NamedTuple):
     braking: float
     comfort_braking: float
 
+    @classmethod
+    def of(cls, vehicle: VehicleParameters, c: ControllerConfig) -> "PlannerSettings":
+        """For a car and a configuration."""
+        return cls(
+            front=vehicle.front_extent, rear=vehicle.rear_extent, reach=PLANNER_REACH * vehicle.length,
+            half_width=0.5 * vehicle.width, buffer=c.buffer,
+            tightening=c.tightening, margin_time=c.margin_time, safe_distance=c.safe_distance,
+            reference=c.reference_offset, right_edge=-c.width_right, left_edge=c.width_left,
+            weight_reference=c.weight_reference, weight_continuity=c.weight_continuity,
+            weight_obstacle=c.weight_obstacle, hysteresis=c.side_hysteresis,
+            max_lateral_speed=c.max_lateral_speed, max_slope=c.max_slope, acceleration=vehicle.max_acceleration,
+            braking=min(vehicle.max_braking, GRIP_SHARE * c.friction * GRAVITY), comfort_braking=c.comfort_braking,
+        )  # fmt: skip
+
 
 class PlannedPath(NamedTuple):
     """Result of the search.
@@ -88,6 +101,21 @@ class PlannedPath(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
+def _way_back(last, speed, polygons, speeds, p):
+    """Stations up to `last` where the car has passed what is on the reference, and where it is back on it, in [m]."""
+    passed, settled = 0.0, 0.0
+    for m in range(polygons.shape[0]):
+        low, high = polygons[m, :, 1].min(), polygons[m, :, 1].max()
+        aside = p.half_width + p.buffer + min(p.reference - low, high - p.reference)
+        if aside > 0.5 * LATERAL_STEP and speed > speeds[m]:
+            behind = speed / (speed - speeds[m]) * (polygons[m, :, 0].max() + p.rear)
+            if behind < last:
+                passed = max(passed, behind)
+                settled = max(settled, behind + RETURN_TIME * math.sqrt(aside) * speed)
+    return passed, settled
+
+
+@njit(cache=True, nogil=True)
 def node_costs(stations, times, offsets, speed, polygons, speeds, committed, certain, p):
     """Costs (10) and (12) of every node, and the price of what is in the way.
 
@@ -105,7 +133,7 @@ def node_costs(stations, times, offsets, speed, polygons, speeds, committed, cer
         station from which on the car is back on the reference.
     """
     cost = np.zeros((stations.shape[0], offsets.shape[0]))
-    passed, settled = 0.0, 0.0  # the last obstacle on the reference, and the way back from it
+    passed, settled = _way_back(stations[-1], speed, polygons, speeds, p)
     half_step = 0.5 * LATERAL_STEP
     hard = p.half_width + p.buffer
     soft = hard + p.tightening + p.margin_time * speed
@@ -114,12 +142,6 @@ def node_costs(stations, times, offsets, speed, polygons, speeds, committed, cer
         low_all, high_all = polygons[m, :, 1].min(), polygons[m, :, 1].max()
         near = begin - p.front < COMMITMENT_TIME * (speed - speeds[m])
         change = p.hysteresis * (COMMITMENT if near else 1.0)
-        aside = hard + min(p.reference - low_all, high_all - p.reference)
-        if aside > half_step and speed > speeds[m]:
-            behind = speed / (speed - speeds[m]) * (end + p.rear)
-            if behind < stations[-1]:
-                passed = max(passed, behind)
-                settled = max(settled, behind + RETURN_TIME * math.sqrt(aside) * speed)
         for i in range(stations.shape[0]):
             half_layer = 0.5 * (stations[min(i + 1, stations.shape[0] - 1)] - stations[max(i - 1, 0)]) * 0.5
             shift = speeds[m] * times[i]
@@ -152,89 +174,6 @@ def node_costs(stations, times, offsets, speed, polygons, speeds, committed, cer
         for j in range(offsets.shape[0]):
             cost[i, j] += share * p.weight_reference * (offsets[j] - p.reference) ** 2
     return cost, settled
-
-
-@njit(cache=True, nogil=True)
-def shortest_path(cost, first_weight, weight, reach, start, start_reach, home):
-    """Path of least cost through all layers, exactly.
-
-    Args:
-        cost: Node costs, shape (S, L).
-        first_weight, weight: Of the squared lateral step, in nodes, into the first layer and between layers.
-        reach: Largest lateral step (8), in nodes.
-        start: Lateral position before the first layer, in nodes (need not be whole).
-        start_reach: Largest first step, in nodes.
-        home: Lateral position preferred among equals, so that mirrored scenes give mirrored paths, in nodes.
-
-    Returns:
-        Node index per layer, shape (S,), and the least cost; infinite if (8) admits no path.
-    """
-    layers, lateral = cost.shape
-    best = np.full((layers, lateral), np.inf)  # least cost up to and with each node
-    for j in range(lateral):
-        step = j - start
-        if abs(step) <= start_reach:
-            best[0, j] = first_weight * step * step + cost[0, j]
-    for i in range(1, layers):
-        for k in range(-reach, reach + 1):
-            extra, low, count = weight * k * k, max(0, -k), max(lateral - abs(k), 0)
-            before, here = best[i - 1, low + k : low + k + count], best[i, low : low + count]
-            for j in range(count):  # slices and no call to min: the compiler makes vectors of it
-                value = before[j] + extra
-                here[j] = value if value < here[j] else here[j]
-        for j in range(lateral):
-            best[i, j] += cost[i, j]
-    path = np.empty(layers, np.int64)
-    path[-1] = 0
-    for j in range(lateral):
-        if _better(best[-1, j], j, best[-1, path[-1]], path[-1], home):
-            path[-1] = j
-    for i in range(layers - 1, 0, -1):
-        path[i - 1], least = path[i], np.inf
-        for j in range(max(path[i] - reach, 0), min(path[i] + reach, lateral - 1) + 1):
-            value = best[i - 1, j] + weight * (j - path[i]) ** 2
-            if _better(value, j, least, path[i - 1], home):
-                path[i - 1], least = j, value
-    return path, best[-1, path[-1]]
-
-
-@njit(cache=True, nogil=True)
-def _better(value, node, least, other, home):
-    if value < np.inf and abs(value - least) <= TIE * value:  # rounding must not decide
-        return abs(node - home) < abs(other - home)
-    return value < least
-
-
-@njit(cache=True, nogil=True)
-def layer_spacing(speed):
-    """Distance between layers at a speed in [m/s], in [m]."""
-    return max(MIN_SPACING, SPACING_TIME * round(max(speed, 1.0)))
-
-
-@njit(cache=True, nogil=True)
-def arrival_times(stations, speed, cruise, acceleration):
-    """When a car that goes back to its cruising speed is at stations ahead, from now, in [s].
-
-    A car that follows a slow one would pass for free if it were taken to stay as slow as it is.
-
-    Args:
-        stations: In [m], shape (S,).
-        speed, cruise: In [m/s].
-        acceleration: In [m/s^2].
-    """
-    v = max(speed, 0.0)
-    times = np.empty(stations.shape[0])
-    if v >= cruise:
-        times[:] = stations / max(v, 1.0)
-        return times
-    until = (cruise * cruise - v * v) / (2.0 * acceleration)
-    for i in range(stations.shape[0]):
-        s = stations[i]
-        if s < until:
-            times[i] = (math.sqrt(v * v + 2.0 * acceleration * s) - v) / acceleration
-        else:
-            times[i] = (cruise - v) / acceleration + (s - until) / cruise
-    return times
 
 
 @njit(cache=True, nogil=True)

@@ -18,13 +18,13 @@ from sidestep.controller.plan import Plan
 from sidestep.controller.planner import FREE, PlannedPath, PlannerSettings
 from sidestep.controller.prediction import SLOWEST, Prediction, advance
 from sidestep.controller.roll import Body, advance_roll, lateral_acceleration, roll_ahead
-from sidestep.controller.stopping import GRIP_SHARE, SWERVE_TIME, approach_speed, spare_braking, squeezed_speed
+from sidestep.controller.stopping import SWERVE_TIME, approach_speed, spare_braking, squeezed_speed
 from sidestep.controller.validity import Validity
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road import ReferencePath
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
 from sidestep.plant_models.speed_control import SPEED_GAIN
-from sidestep.plant_models.vehicle import GRAVITY, VehicleParameters
+from sidestep.plant_models.vehicle import VehicleParameters
 
 Array = NDArray[np.float64]
 
@@ -32,8 +32,6 @@ FEASIBLE_SLACK = 1e-3
 """Corridor slack up to which a step counts as feasible, in [m]."""
 SHIFTED_PLAN_TIME = 0.2
 """How long the last good plan is followed when the QP fails, in [s]; longer than that is a FAULT."""
-PLANNER_REACH = 0.3
-"""Stretch of road that the planner checks to both sides of a station, in lengths of the car."""
 OBSERVED_SPEED = 3.0
 """Speed below which nothing is learned: sideslip is not defined well, in [m/s]."""
 TRUSTED_SLIP = 0.05
@@ -68,7 +66,7 @@ class SteeringController:
             self._mpc = PaperMpc(vehicle, c.weight_steer, min(c.max_lateral_acceleration, float(valid)))
         else:
             self._mpc = Mpc.of(vehicle, c)
-        self._settings = _planner_settings(vehicle, c)
+        self._settings = PlannerSettings.of(vehicle, c)
         self._grid = NodeGrid.of(vehicle, c, self._mpc.times)
         self._node_times = np.concatenate([[0.0], self._mpc.times])
         self._horizon = float(self._node_times[-1])
@@ -312,16 +310,3 @@ class SteeringController:
 def _lasting(x0: Array) -> Prediction:
     """What the first step goes by: the present state, for ever."""
     return Prediction(np.zeros(1), x0[None], np.zeros((1, 2)), 0.0)
-
-
-def _planner_settings(vehicle: VehicleParameters, c: ControllerConfig) -> PlannerSettings:
-    return PlannerSettings(
-        front=vehicle.front_extent, rear=vehicle.rear_extent, reach=PLANNER_REACH * vehicle.length,
-        half_width=0.5 * vehicle.width, buffer=c.buffer,
-        tightening=c.tightening, margin_time=c.margin_time, safe_distance=c.safe_distance,
-        reference=c.reference_offset, right_edge=-c.width_right, left_edge=c.width_left,
-        weight_reference=c.weight_reference, weight_continuity=c.weight_continuity,
-        weight_obstacle=c.weight_obstacle, hysteresis=c.side_hysteresis,
-        max_lateral_speed=c.max_lateral_speed, max_slope=c.max_slope, acceleration=vehicle.max_acceleration,
-        braking=min(vehicle.max_braking, GRIP_SHARE * c.friction * GRAVITY), comfort_braking=c.comfort_braking,
-    )  # fmt: skip

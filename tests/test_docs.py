@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from sidestep.controller import ControllerConfig
-from sidestep.controller.planner import LAYERS
+from sidestep.controller.lattice import LAYERS
 from sidestep.controller.prediction import grid
 from sidestep.controller.qp import SLACKS
 

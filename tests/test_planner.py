@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sidestep.controller.corridor import obstacle_polygons
+from sidestep.controller.lattice import LATERAL_STEP, arrival_times, shortest_path
 from sidestep.controller.planner import (
     APPROACH_SHARE,
     BLOCKED_COST,
@@ -16,15 +17,12 @@ from sidestep.controller.planner import (
     FAR_SHARE,
     FREE,
     GAP_TOO_NARROW,
-    LATERAL_STEP,
     RETURN_SHARE,
     RETURN_TIME,
     PlannedPath,
     PlannerSettings,
-    arrival_times,
     node_costs,
     plan_path,
-    shortest_path,
 )
 
 SETTINGS = PlannerSettings(
