@@ -25,8 +25,6 @@ RETURN_TIME = 1.5
 """Time for the way back, in [s] per root of the way in [m]: the same lateral acceleration from any offset."""
 FAR_SHARE = 1e-4
 """Share of the price of what a car that stops will not reach."""
-
-
 PLANNER_REACH = 0.3
 """Stretch of road that the planner checks to both sides of a station, in lengths of the car."""
 
