@@ -9,6 +9,11 @@ import math
 import numpy as np
 from numba import njit
 
+FIRST_CORRIDOR_TIME = 0.1
+"""Earlier nodes get no corridor rows, in [s]: steering cannot move the car by a millimetre by then."""
+NOTICED = 0.01
+"""Excess over the corridor that counts as one, in [m]."""
+
 
 @njit(cache=True, nogil=True)
 def obstacle_polygons(boxes, curvature):
@@ -139,6 +144,31 @@ def footprint_bounds(stations, times, reach, buffer, levers, clearance, directio
                 low = high = 0.5 * (low + high)
             bounds[2 * end, k], bounds[2 * end + 1, k] = low, high
     return bounds
+
+
+@njit(cache=True, nogil=True)
+def excess_over(bounds, states, times, levers):
+    """How far a prediction leaves its corridor.
+
+    Args:
+        bounds, levers: See `footprint_bounds`.
+        states, times: Of the prediction, present first, shapes (N + 1, 6) and (N + 1,).
+
+    Returns:
+        Largest excess at the nodes that the MPC bounds, in [m], and when it first comes to a centimetre, in [s];
+        infinite if never.
+    """
+    worst, first = 0.0, math.inf
+    for k in range(1, times.shape[0]):
+        if times[k] < FIRST_CORRIDOR_TIME:
+            continue
+        for end in range(2):
+            value = states[k, 0] + levers[end] * states[k, 1]
+            excess = max(bounds[2 * end, k - 1] - value, value - bounds[2 * end + 1, k - 1])
+            worst = max(worst, excess)
+            if excess > NOTICED:
+                first = min(first, times[k])
+    return worst, first
 
 
 @njit(cache=True, nogil=True)

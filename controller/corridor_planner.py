@@ -74,6 +74,8 @@ class Corridor(NamedTuple):
         firmness: Share of the costs of leaving the path at the nodes, shape (N,).
         turn_rate: Heading rate of the road at the nodes, shape (N,), in [rad/s].
         bounds: See `corridor.footprint_bounds`, shape (4, N), in [m].
+        heeded: The same without what comes, as slowing down does not get the car away from it, and without the road's
+            edges where that may drive the car over them.
         gap: Distance that the front bumper may go to what blocks the road, in [m]; infinite if nothing does. Less than
             there is where the car must swing out again.
         gap_speed: Speed of that along the road, in [m/s].
@@ -86,6 +88,7 @@ class Corridor(NamedTuple):
     firmness: Array
     turn_rate: Array
     bounds: Array
+    heeded: Array
     gap: float
     gap_speed: float
 
@@ -128,42 +131,48 @@ def _way_out(offset, lateral, speed, settings):
 
 
 @njit(cache=True, nogil=True)
-def _something_comes(polygons, speeds, settings):
-    coming = False
+def _coming(polygons, speeds, settings):
+    """Which obstacles would run into a car that stands in their lane: oncoming ones, and those from behind."""
+    coming = np.zeros(speeds.shape[0], np.bool_)
     for m in range(speeds.shape[0]):
-        coming |= speeds[m] < 0.0 and polygons[m, :, 0].max() > -settings.rear
+        end = polygons[m, :, 0].max()
+        coming[m] = end > -settings.rear if speeds[m] < 0.0 else speeds[m] > 0.0 and end < settings.front
     return coming
 
 
 @njit(cache=True, nogil=True)
 def _plan(s, offset, speed, cruise, polygons, speeds, committed, held_up, settings):
-    """The path; a car that is held up waits where oncoming obstacles pass it.
+    """The path; a car that is held up waits where what comes passes it.
 
     The slower it gets the farther away it would meet them, which makes a passing possible on paper that its
-    own acceleration makes impossible again. So all of an oncoming obstacle's lane is taken, from where the car can
+    own acceleration makes impossible again. So all of an obstacle's lane is taken that comes, from where the car can
     stop or be out of it; and what stands beyond that counts for little, as the car will stop before it.
     """
     everywhere = np.full(speeds.shape[0], np.inf)
-    coming = _something_comes(polygons, speeds, settings)
-    if not (held_up and coming):
+    coming = _coming(polygons, speeds, settings)
+    if not (held_up and coming.any()):
         path = plan_path(s, offset, speed, cruise, polygons, speeds, committed, everywhere, settings)
-        if path[6] == FREE or not coming:
+        if path[6] == FREE or not coming.any():
             return path
     stop = max(speed, 0.0) * (BRAKING_DELAY + 0.5 * speed / settings.braking)
     swept, standing = polygons.copy(), np.maximum(speeds, 0.0)
     for m in range(speeds.shape[0]):
-        if speeds[m] < 0.0:
+        if coming[m]:
             along, across = polygons[m, :, 0], polygons[m, :, 1]
-            begin, end = min(along.min(), max(stop, _way_out(offset, across, speed, settings))), along.max()
+            begin, end = max(stop, _way_out(offset, across, speed, settings)), along.max()
+            if speeds[m] < 0.0:
+                begin = min(along.min(), begin)
+            else:
+                end, standing[m] = begin + (LAYERS + 1) * layer_spacing(speed), 0.0
             middle, width = 0.5 * (across.min() + across.max()), across.max() - across.min()
             lane = np.array([[0.5 * (begin + end), middle, end - begin, width, 0.0, 0.0]])
             swept[m] = obstacle_polygons(lane, np.zeros(1))[0]
     path = plan_path(s, offset, speed, cruise, swept, standing, committed, everywhere, settings)
     if path[6] == FREE:
         return path
-    certain = np.where(speeds < 0.0, np.inf, stop + settings.front)
+    certain = np.where(coming, np.inf, stop + settings.front)
     path = plan_path(s, offset, speed, cruise, swept, standing, committed, certain, settings)
-    if path[6] >= 0 and speeds[path[6]] < 0.0 and path[7] <= stop:  # it comes along the only way
+    if path[6] >= 0 and coming[path[6]] and path[7] <= stop:  # it comes along the only way
         return plan_path(s, offset, speed, cruise, polygons, speeds, committed, everywhere, settings)
     return path
 
@@ -188,10 +197,11 @@ def _gap(blocker, room, pace, stations, offsets, polygons, speeds, settings):
     """Fields gap and gap_speed of `Corridor`."""
     if blocker == FREE:
         return math.inf, 0.0
-    if blocker < 0 or speeds[blocker] < 0.0:
+    coming = _coming(polygons, speeds, settings)
+    if blocker < 0 or coming[blocker]:
         return room, 0.0
     gap = polygons[blocker, :, 0].min() - settings.front
-    if _something_comes(polygons, speeds, settings):
+    if coming.any():
         gap = _room_to_leave(gap, pace, polygons[blocker, :, 1], stations, offsets, settings)
     return gap, speeds[blocker]
 
@@ -213,6 +223,15 @@ def _stations_ahead(pace, steps, direction):
         station += pace * steps[k] * max(math.cos(0.5 * (before + direction[k])), 0.0)
         stations[k], before = station, direction[k]
     return stations
+
+
+@njit(cache=True, nogil=True)
+def _bounds(way, sides, edges, settings, grid):
+    stations, pace, direction, turn, curvature, polygons, speeds = way
+    return footprint_bounds(
+        stations, grid.times, 0.5 * pace * grid.steps, settings.buffer, grid.levers, grid.clearance, direction, turn,
+        curvature, polygons, speeds, sides, *edges,
+    )  # fmt: skip
 
 
 @njit(cache=True, nogil=True)
@@ -256,14 +275,19 @@ def plan_corridor(
     for k in range(stations.shape[0]):
         curvature[k] = curvature_at(table, period, s + stations[k])
     offsets, slope = path_reference(path_stations, path_offsets, stations, max(1.0, SLOPE_TIME * pace))
-    bounds = footprint_bounds(
-        stations, grid.times, 0.5 * pace * grid.steps, settings.buffer, grid.levers, grid.clearance,
-        direction, np.interp(grid.times, times - age, states[:, 3]) / max(speed, 1.0), curvature, polygons, speeds,
-        sides, settings.right_edge, settings.left_edge,
-    )  # fmt: skip
+    turn = np.interp(grid.times, times - age, states[:, 3]) / max(speed, 1.0)
+    edges, coming = (settings.right_edge, settings.left_edge), _coming(polygons, speeds, settings)
+    way = stations, pace, direction, turn, curvature, polygons, speeds
+    bounds = _bounds(way, sides, edges, settings, grid)
+    heeded = bounds
+    if coming.any():
+        others = np.where(coming, 0, sides)
+        heeded = _bounds(way, others, edges, settings, grid)
+        if (heeded != bounds).any():
+            heeded = _bounds(way, others, (-math.inf, math.inf), settings, grid)
     gap, gap_speed = _gap(blocker, room, pace, path_stations, path_offsets, polygons, speeds, settings)
     if blocker >= 0:
         all_sides[near[blocker]] = 0  # the car waits behind it
     path = path_stations, path_offsets, right, left, all_sides, cost, blocker, room, settled
     firmness = _firmness(stations, settled, pace, gentle and blocker == FREE)
-    return path, stations, offsets, slope, firmness, pace * curvature, bounds, gap, gap_speed
+    return path, stations, offsets, slope, firmness, pace * curvature, bounds, heeded, gap, gap_speed

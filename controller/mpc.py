@@ -1,6 +1,5 @@
 """The multi-constraint MPC: fills the QP of one step and has PIQP solve it where a bound acts."""
 
-import math
 import time
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from sidestep.controller.car_model import Car
 from sidestep.controller.config import ControllerConfig
+from sidestep.controller.corridor import FIRST_CORRIDOR_TIME
 from sidestep.controller.prediction import STATES, Prediction, grid, linearise
 from sidestep.controller.qp import (
     NEAREST,
@@ -28,8 +28,6 @@ from sidestep.plant_models.vehicle import VehicleParameters
 
 Array = NDArray[np.float64]
 
-FIRST_CORRIDOR_TIME = 0.1
-"""Earlier nodes get no corridor rows, in [s]: steering cannot move the car by a millimetre by then."""
 EPS = 1e-9
 """Absolute accuracy asked of PIQP, its duality gap included: 1e-8 leaves errors above 1e-5 rad/s in the first move."""
 UNCONSTRAINED = "UNCONSTRAINED"
@@ -85,7 +83,6 @@ class Solution(NamedTuple):
         iterations, primal_residual, dual_residual: PIQP's own figures; iterations summed over rounds.
         slack_corridor: How far the prediction leaves the corridor, in [m].
         slack_slip: How far it leaves the slip bound, in [rad].
-        time_to_excess: When it first leaves the corridor by a centimetre, from now, in [s]; infinite if never.
         states: Predicted states of `prediction`, first the present one, shape (N + 1, 6).
         build_us, solve_us: Time spent, in [us].
     """
@@ -98,7 +95,6 @@ class Solution(NamedTuple):
     dual_residual: float
     slack_corridor: float
     slack_slip: float
-    time_to_excess: float
     states: Array
     build_us: float
     solve_us: float
@@ -209,9 +205,6 @@ class Mpc:
         """The QP of the last solve; the next one overwrites its arrays."""
         return (self._used or self._choose_rows()).problem
 
-    def _time_of_line(self, line: int) -> float:
-        return float(self.times[self._line_nodes[0] + line // 2]) if line < self.soft[0] else math.inf
-
     def reset(self) -> None:
         """Forget the last solution, which only chooses the rows to begin with."""
         self._used: _Rows | None = self._reduced
@@ -228,7 +221,7 @@ class Mpc:
                      *self._prediction, self.forces, self.lines, *cost, z)  # fmt: skip
         built = time.perf_counter()
         self._used = None
-        found = (z, UNCONSTRAINED, True, 0, 0.0, 0.0, 0.0, 0.0, math.inf) if kept else self._solve_rows()
+        found = (z, UNCONSTRAINED, True, 0, 0.0, 0.0, 0.0, 0.0) if kept else self._solve_rows()
         z, solved = found[0], found[2]
         if solved:
             self.moves = z[:-SLACKS]
@@ -240,7 +233,7 @@ class Mpc:
         fill_rows(self.moves, self.soft, *self.lines, *self._reduced.rows)
         return self._reduced
 
-    def _solve_rows(self) -> tuple[Array, str, bool, int, float, float, float, float, float]:
+    def _solve_rows(self) -> tuple[Array, str, bool, int, float, float, float, float]:
         """Solve with few rows and add what is violated; gives the first fields of Solution."""
         rows, used, iterations = self._choose_rows(), 0, 0
         while True:
@@ -249,7 +242,7 @@ class Mpc:
             iterations += int(info.iter)
             z = np.array(result.x)  # a view that the next solve overwrites
             known = used
-            used, corridor, slip, first = add_violated(z, used, TOLERANCE, self.soft, *self.lines, *rows.rows)
+            used, corridor, slip = add_violated(z, used, TOLERANCE, self.soft, *self.lines, *rows.rows)
             if used == known or status != piqp.PIQP_SOLVED or rows is self._full:
                 break
             if used > RESERVE:
@@ -259,5 +252,5 @@ class Mpc:
                 fill_rows(self.moves, self.soft, *self.lines, *rows.rows)
         return (
             z, status.name, status == piqp.PIQP_SOLVED, iterations, float(info.primal_res), float(info.dual_res),
-            corridor, slip, self._time_of_line(first),
+            corridor, slip,
         )  # fmt: skip

@@ -4,7 +4,6 @@ Forward Euler (7), the steering angle as input, the centre point inside (13) as 
 input limit, (15) against the road's reference. What the paper leaves open (T, N_p, Q) is set here.
 """
 
-import math
 import time
 
 import numpy as np
@@ -59,7 +58,7 @@ class PaperMpc:
             z=u, states=states, status=status.name, solved=status == piqp.PIQP_SOLVED,
             iterations=int(solver.result.info.iter),
             primal_residual=float(solver.result.info.primal_res), dual_residual=float(solver.result.info.dual_res),
-            slack_corridor=max(float(excess), 0.0), slack_slip=0.0, time_to_excess=math.inf,
+            slack_corridor=max(float(excess), 0.0), slack_slip=0.0,
             build_us=1e6 * (built - began), solve_us=1e6 * (ended - built),
         )  # fmt: skip
 

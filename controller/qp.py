@@ -34,8 +34,6 @@ preconditioner and half the iterations. The quadratic cost only keeps the QP str
 COST_STEP = 0.1
 """Costs are integrals over time, counted per this, in [s]."""
 TERMINAL_WEIGHT = 3.0
-NOTICED = 0.01
-"""Excess over the corridor that is worth a place, in [m]."""
 
 
 @njit(cache=True, nogil=True)
@@ -261,12 +259,11 @@ def add_violated(z, used, tolerance, soft, lines, slopes, low, high, G, h_l, h_u
         soft, lines, slopes, low, high, G, h_l, h_u: See `fill_rows`.
 
     Returns:
-        Reserve rows in use now (more than RESERVE if it did not suffice), the worst excess over the bounds
-        of the corridor [m] and of the slip angles [rad], both at least 0, and the line of the first excess
-        over the corridor (their number if there is none).
+        Reserve rows in use now (more than RESERVE if it did not suffice), and the worst excess over the bounds
+        of the corridor [m] and of the slip angles [rad], both at least 0.
     """
     moves, count = slopes.shape[1], lines.shape[0]
-    worst, first = np.zeros(SLACKS + 1), count
+    worst = np.zeros(SLACKS + 1)
     begin = h_u.shape[0] - RESERVE
     for i in range(count):
         slack = slack_of(i, soft)
@@ -275,11 +272,9 @@ def add_violated(z, used, tolerance, soft, lines, slopes, low, high, G, h_l, h_u
             value += slopes[i, q] * z[q]
         excess = max(low[i] - value, value - high[i])
         worst[slack] = max(worst[slack], excess)
-        if slack == 0 and excess > NOTICED and first == count:
-            first = i
         allowed = max(z[moves + slack], 0.0) * SLACK_UNIT if slack < SLACKS else 0.0
         if excess > allowed + tolerance:
             if used < RESERVE:
                 put_row(begin + used, i, value > high[i], soft, lines, slopes, low, high, G, h_l, h_u)
             used += 1
-    return used, worst[0], worst[1], first
+    return used, worst[0], worst[1]

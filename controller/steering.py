@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sidestep.controller.car_model import Car, peak_slip
 from sidestep.controller.config import ControllerConfig
+from sidestep.controller.corridor import excess_over
 from sidestep.controller.corridor_planner import Corridor, NodeGrid, plan_corridor
 from sidestep.controller.mpc import Mpc, Problem, Solution
 from sidestep.controller.observer import Disturbance, observe_disturbance, observe_friction
@@ -241,12 +242,13 @@ class SteeringController:
         )  # fmt: skip
 
     def _plan_corridor(self, s: float, l: float, state: VehicleState, before: Prediction) -> Corridor:  # noqa: E741
-        path, stations, offset, slope, firmness, turn_rate, bounds, gap, gap_speed = plan_corridor(
+        path, stations, offset, slope, firmness, turn_rate, bounds, heeded, gap, gap_speed = plan_corridor(
             s, l, state.v_x, self._cruise or 0.0, state.time, self._boxes, self.path.table, self.path.period,
             self._sides, self._held_up, self.plan is None or self.plan.feasible, self._settings, self._grid,
             before.times, before.states, before.age,
         )  # fmt: skip
-        return Corridor(PlannedPath(*path), stations, offset, slope, firmness, turn_rate, bounds, gap, gap_speed)
+        path = PlannedPath(*path)
+        return Corridor(path, stations, offset, slope, firmness, turn_rate, bounds, heeded, gap, gap_speed)
 
     def _longitudinal(self, corridor: Corridor, solution: Solution, v: float) -> tuple[float, float]:
         """Speed to hold, and free distance before what blocks the road."""
@@ -255,9 +257,10 @@ class SteeringController:
         if blocked:
             distance = corridor.gap - config.standstill_gap
             target = min(target, approach_speed(distance, corridor.gap_speed, config.comfort_braking))
-        excess = solution.slack_corridor - config.tightening
-        room = v * min(solution.time_to_excess, self._horizon) - self.vehicle.front_extent
-        target = min(target, squeezed_speed(excess, room, blocked, config))
+        if solution.slack_corridor > config.tightening:
+            worst, first = excess_over(corridor.heeded, solution.states, self._node_times, self._grid.levers)
+            room = v * min(first, self._horizon) - self.vehicle.front_extent
+            target = min(target, squeezed_speed(worst - config.tightening, room, blocked, config))
         if self._command:  # slowing that comes and goes from step to step would only waste grip
             target = min(target, max(self._command.target_speed, v) + config.comfort_braking * config.period)
         swerve = v * float(np.abs(solution.states[: self._swerve_nodes, 3]).max())

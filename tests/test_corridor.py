@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from sidestep.controller.corridor import (
     corridor_bounds,
+    excess_over,
     footprint_bounds,
     lateral_interval,
     obstacle_polygons,
@@ -111,3 +112,14 @@ def test_reference_is_interpolated_with_its_mean_slope():
     offset, slope = path_reference(stations, 0.2 * stations, np.array([2.5, 5.0]), 1.0)
     assert offset == pytest.approx([0.5, 1.0])
     assert slope == pytest.approx([0.2, 0.2])
+
+
+def test_excess_is_the_worst_of_both_ends_and_the_first_that_counts():
+    times = np.array([0.0, 0.05, 0.2, 0.4])
+    states = np.zeros((4, 6))
+    states[:, 0], states[:, 1] = [0.0, 3.0, 0.505, 0.4], [0.0, 0.0, 0.0, 0.1]
+    bounds = np.tile(np.array([[-0.5], [0.5], [-0.5], [0.5]]), 3)
+    worst, first = excess_over(bounds, states, times, (2.0, -2.0))
+    assert worst == pytest.approx(0.1)  # the front end of the last; the first node is too early to count
+    assert first == 0.4
+    assert excess_over(bounds, np.zeros((4, 6)), times, (2.0, -2.0)) == (0.0, math.inf)

@@ -135,6 +135,30 @@ def test_a_car_that_is_held_up_waits_beside_the_lane_of_what_comes(mirror):
 
 
 @pytest.mark.closed_loop
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+def test_a_car_does_not_stop_before_a_slow_one_that_it_has_overtaken(mirror):
+    slow, wall = Obstacle(25.0, -1.2 * mirror, 4.5, 1.8, speed=4.0), Obstacle(110.0, 0.0, 1.0, 12.0)
+    states, _, _ = drive((slow, wall), start=VehicleState(v_x=12.0), duration=30.0)
+    for state in states:
+        middle = slow.s + slow.speed * state.time
+        box = shapely.box(middle - 2.25, slow.l - 0.9, middle + 2.25, slow.l + 0.9)
+        assert footprint(state).distance(box) > 0.1
+    assert states[-1].v_x < 0.1
+    assert 100.0 < states[-1].x + BMW.front_extent < 109.5
+
+
+@pytest.mark.parametrize(("obstacle", "slows"), [
+    (Obstacle(12.0, 0.0, 4.5, 1.8), True),
+    (Obstacle(20.0, 0.0, 4.5, 1.8, speed=-10.0), False),
+])  # fmt: skip
+def test_slows_down_only_for_what_that_helps_against(obstacle, slows):
+    controller = SteeringController(BMW, ROAD, (obstacle,))
+    command = controller.step(good_state(0.0))
+    assert controller.plan.slack_corridor > 0.2
+    assert (command.target_speed < 15.0) == slows
+
+
+@pytest.mark.closed_loop
 def test_comfortable_braking_where_the_distance_allows_it():
     states, _, _ = drive((Obstacle(100.0, 0.0, 1.0, 12.0),), duration=12.0)
     braking = -np.diff([state.v_x for state in states]) / 0.02
