@@ -155,7 +155,7 @@ def excess_over(bounds, states, times, levers):
         states, times: Of the prediction, present first, shapes (N + 1, 6) and (N + 1,).
 
     Returns:
-        Largest excess at the nodes that the MPC bounds, in [m], and when it first comes to a centimetre, in [s];
+        Largest excess from FIRST_CORRIDOR_TIME on, in [m], and when it first comes to a centimetre, in [s];
         infinite if never.
     """
     worst, first = 0.0, math.inf

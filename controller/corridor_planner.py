@@ -31,6 +31,8 @@ FULL_EASE_SPEED = 15.0
 """Speed from which on it is as gentle as that, in [m/s]; not at all below half of it, where nobody feels it."""
 SLOPE_TIME = 0.3
 """Half the time over which the path's slope is averaged, in [s]."""
+EDGE_TIME = 1.0
+"""How long before what comes, and after, the road's edge is no reason to slow down, in [s]."""
 TIGHTENING_TIME = 0.5
 """Time ahead from which on the full tightening is asked, in [s]."""
 
@@ -75,10 +77,10 @@ class Corridor(NamedTuple):
         turn_rate: Heading rate of the road at the nodes, shape (N,), in [rad/s].
         bounds: See `corridor.footprint_bounds`, shape (4, N), in [m].
         heeded: The same without what comes, as slowing down does not get the car away from it, and without the road's
-            edges where that may drive the car over them.
+            edges from EDGE_TIME before that on, which may drive the car over them.
         gap: Distance that the front bumper may go to what blocks the road, in [m]; infinite if nothing does. Less than
             there is where the car must swing out again.
-        gap_speed: Speed of that along the road, in [m/s].
+        gap_speed: Speed of that along the road, in [m/s]; 0 if it comes.
     """
 
     path: PlannedPath
@@ -127,7 +129,9 @@ def _way_out(offset, lateral, speed, settings):
         aside = min(aside, max(left - offset, 0.0))
     if aside == math.inf:
         return 0.0
-    return aside / min(settings.max_slope, settings.max_lateral_speed / pace) + 2.0 * layer_spacing(speed)
+    spacing = layer_spacing(speed)
+    slope = max(int(min(settings.max_slope, settings.max_lateral_speed / pace) * spacing / LATERAL_STEP + 1e-9), 1)
+    return aside * spacing / (slope * LATERAL_STEP) + 2.0 * spacing + settings.reach
 
 
 @njit(cache=True, nogil=True)
@@ -146,7 +150,8 @@ def _plan(s, offset, speed, cruise, polygons, speeds, committed, held_up, settin
 
     The slower it gets the farther away it would meet them, which makes a passing possible on paper that its
     own acceleration makes impossible again. So all of an obstacle's lane is taken that comes, from where the car can
-    stop or be out of it; and what stands beyond that counts for little, as the car will stop before it.
+    both have stopped and be out of it, or from the obstacle itself if it is nearer; and what stands beyond that counts
+    for little, as the car will stop before it.
     """
     everywhere = np.full(speeds.shape[0], np.inf)
     coming = _coming(polygons, speeds, settings)
@@ -160,10 +165,10 @@ def _plan(s, offset, speed, cruise, polygons, speeds, committed, held_up, settin
         if coming[m]:
             along, across = polygons[m, :, 0], polygons[m, :, 1]
             begin, end = max(stop, _way_out(offset, across, speed, settings)), along.max()
-            if speeds[m] < 0.0:
+            if end > -settings.rear:
                 begin = min(along.min(), begin)
-            else:
-                end, standing[m] = begin + (LAYERS + 1) * layer_spacing(speed), 0.0
+            if speeds[m] > 0.0:
+                end, standing[m] = max(begin, 0.0) + (LAYERS + 1) * layer_spacing(speed), 0.0
             middle, width = 0.5 * (across.min() + across.max()), across.max() - across.min()
             lane = np.array([[0.5 * (begin + end), middle, end - begin, width, 0.0, 0.0]])
             swept[m] = obstacle_polygons(lane, np.zeros(1))[0]
@@ -172,7 +177,8 @@ def _plan(s, offset, speed, cruise, polygons, speeds, committed, held_up, settin
         return path
     certain = np.where(coming, np.inf, stop + settings.front)
     path = plan_path(s, offset, speed, cruise, swept, standing, committed, certain, settings)
-    if path[6] >= 0 and coming[path[6]] and path[7] <= stop:  # it comes along the only way
+    blocker = path[6]
+    if blocker >= 0 and coming[blocker] and (speeds[blocker] > 0.0 or path[7] <= stop):  # it comes along the only way
         return plan_path(s, offset, speed, cruise, polygons, speeds, committed, everywhere, settings)
     return path
 
@@ -283,11 +289,15 @@ def plan_corridor(
     if coming.any():
         others = np.where(coming, 0, sides)
         heeded = _bounds(way, others, edges, settings, grid)
-        if (heeded != bounds).any():
-            heeded = _bounds(way, others, (-math.inf, math.inf), settings, grid)
+        edgeless = _bounds(way, others, (-math.inf, math.inf), settings, grid)
+        for k in range(stations.shape[0]):
+            if (heeded[:, k] != bounds[:, k]).any():
+                begin = np.searchsorted(grid.times, grid.times[k] - EDGE_TIME)
+                heeded[:, begin:] = edgeless[:, begin:]
+                break
     gap, gap_speed = _gap(blocker, room, pace, path_stations, path_offsets, polygons, speeds, settings)
     if blocker >= 0:
-        all_sides[near[blocker]] = 0  # the car waits behind it
+        all_sides[near[blocker]] = 0  # the car waits for it
     path = path_stations, path_offsets, right, left, all_sides, cost, blocker, room, settled
     firmness = _firmness(stations, settled, pace, gentle and blocker == FREE)
     return path, stations, offsets, slope, firmness, pace * curvature, bounds, heeded, gap, gap_speed

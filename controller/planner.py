@@ -64,7 +64,7 @@ class PlannerSettings(NamedTuple):
             front=vehicle.front_extent, rear=vehicle.rear_extent, reach=PLANNER_REACH * vehicle.length,
             half_width=0.5 * vehicle.width, buffer=c.buffer,
             tightening=c.tightening, margin_time=c.margin_time, safe_distance=c.safe_distance,
-            reference=c.reference_offset, right_edge=-c.width_right, left_edge=c.width_left,
+            reference=c.reference_offset, right_edge=-float(c.width_right), left_edge=float(c.width_left),
             weight_reference=c.weight_reference, weight_continuity=c.weight_continuity,
             weight_obstacle=c.weight_obstacle, hysteresis=c.side_hysteresis,
             max_lateral_speed=c.max_lateral_speed, max_slope=c.max_slope, acceleration=vehicle.max_acceleration,
@@ -265,7 +265,7 @@ def _passing_sides(stations, times, path, polygons, speeds, p):
             sides[m] = 1 if path[0] >= high else -1  # beside it now, whatever the path would do
         elif hit < stations.shape[0] and low < path[passing] < high:
             sides[m] = 0  # straight into it: there is no side to keep
-        if hit < stations.shape[0]:
+        if hit < stations.shape[0] and not (speeds[m] > 0.0 and end < p.front):  # waiting for what is behind is no help
             blocked_from = min(blocked_from, hit)
             room = max(begin, stations[hit] - reach) - p.front
             allowed = max(speeds[m], 0.0) + math.sqrt(2.0 * p.comfort_braking * max(room, 0.0))

@@ -165,7 +165,7 @@ class SteeringController:
     def _track(self, state: VehicleState, began: float) -> Plan:
         v = state.v_x
         if self._cruise is None:
-            self._cruise = v
+            self._cruise = max(v, 0.0)
         s, x0, roll = self._locate(state)
         good = self._good
         if good and good.slack_slip < TRUSTED_SLIP:

@@ -51,7 +51,7 @@ def squeezed_speed(excess: float, room: float, blocked: bool, config: Controller
     """Target speed for a prediction that leaves the corridor, in [m/s]; infinite if that is no reason to slow down.
 
     Args:
-        excess: Of the prediction over the corridor without its tightening, in [m].
+        excess: Of the prediction over `Corridor.heeded` without the tightening, in [m].
         room: From the front bumper to where it begins, in [m].
         blocked: Whether the road is blocked, too: then nothing is gained by creeping on.
         config: Settings of the controller.

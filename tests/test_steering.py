@@ -158,6 +158,53 @@ def test_slows_down_only_for_what_that_helps_against(obstacle, slows):
     assert (command.target_speed < 15.0) == slows
 
 
+def test_the_edge_of_the_road_counts_where_nothing_comes_yet():
+    leaving = VehicleState(v_x=15.0, y=-2.2, yaw=-0.18)
+    far = Obstacle(62.0, 2.2, 4.5, 1.8, speed=-10.0)
+    targets = [SteeringController(BMW, ROAD, boxes).step(leaving).target_speed for boxes in ((), (far,))]
+    assert targets[0] < 15.0
+    assert targets[1] == pytest.approx(targets[0], abs=0.2)
+
+
+@pytest.mark.closed_loop
+def test_a_follower_is_no_reason_to_stop():
+    """Behind a slow car, beside a lane full of oncoming ones, with somebody behind: go on as without him."""
+    lead, behind = Obstacle(16.0, -1.2, 4.5, 1.8, speed=5.0), Obstacle(-12.0, -1.2, 4.5, 1.8, speed=5.0)
+    oncoming = tuple(Obstacle(60.0 + 25.0 * i, 1.8, 4.5, 1.8, speed=-10.0) for i in range(7))
+    start = VehicleState(v_x=5.0, y=-1.2)
+    states, _, _ = drive((lead, behind, *oncoming), ControllerConfig(cruise_speed=12.0), start=start)
+    for state in states:
+        for slow in (lead, behind):
+            middle = slow.s + slow.speed * state.time
+            box = shapely.box(middle - 2.25, slow.l - 0.9, middle + 2.25, slow.l + 0.9)
+            assert footprint(state).distance(box) > 0.5
+    assert min(state.v_x for state in states) > 4.0
+
+
+def test_a_car_that_is_held_up_does_not_turn_into_the_one_beside_it():
+    beside, wall = Obstacle(-1.0, -1.2, 4.5, 1.8, speed=4.0), Obstacle(45.0, 2.0, 1.0, 7.0)
+    config = ControllerConfig(width_left=5.0, width_right=6.0)
+    controller = SteeringController(BMW, ROAD, (beside, wall), config)
+    controller._held_up, controller._sides = True, np.array([1, 0])
+    controller.step(VehicleState(y=1.4, v_x=15.0))
+    assert controller.plan.sides[0] == 1
+    assert controller.plan.slack_corridor < 0.5
+
+
+def test_whole_numbers_are_road_widths_too():
+    plans = []
+    for width in (4, 4.0):
+        controller = SteeringController(BMW, ROAD, SINGLE, ControllerConfig(width_left=width, width_right=width))
+        controller.step(good_state(0.0))
+        plans.append(controller.plan)
+    assert np.array_equal(plans[0].left, plans[1].left)
+    assert np.array_equal(plans[0].right, plans[1].right)
+
+
+def test_a_car_that_rolls_back_at_first_is_not_to_go_on_with_that():
+    assert SteeringController(BMW, ROAD).step(VehicleState(v_x=-0.01)).target_speed == 0.0
+
+
 @pytest.mark.closed_loop
 def test_comfortable_braking_where_the_distance_allows_it():
     states, _, _ = drive((Obstacle(100.0, 0.0, 1.0, 12.0),), duration=12.0)
