@@ -57,7 +57,7 @@ def build_fmu(
         CompilerError: The FMU is not in the cache and cannot be compiled.
     """
     file = build_model(find_model(model), fmi, platforms=all_platforms() if everywhere else (HOST,))
-    return copy_to(file, Path(out)) if out else file
+    return write_to(Path(out), file.read_bytes()) if out else file
 
 
 def build_model(
@@ -104,14 +104,14 @@ def _expected_output(model: Model, contents: dict[str, bytes]) -> bytes:
         return expected_output(draft, model)
 
 
-def copy_to(file: Path, out: Path) -> Path:
-    """Copy a file, in one go.
+def write_to(out: Path, data: bytes) -> Path:
+    """Write a file that was asked for, complete or not at all.
 
     Raises:
         InputError: `out` cannot be written.
     """
     try:
-        _write(out, file.read_bytes())
+        _write(out, data)
     except OSError as error:
         raise InputError(str(out), f"cannot be written: {error.strerror}") from error
     return out

@@ -1,12 +1,13 @@
 """Controller and plant as one system (SSP 1.0): an .ssp file for masters that open such."""
 
+import io
 import zipfile
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
+from sidestep.fmu.build import write_to
 from sidestep.fmu.controller_variables import STATE
-from sidestep.plant_models.errors import InputError
 
 _SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
 _SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
@@ -28,14 +29,12 @@ def write_ssp(out: Path, name: str, controller: Path, plant: Path, duration: flo
     Raises:
         InputError: `out` cannot be written.
     """
-    try:
-        with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
-            archive.writestr("SystemStructure.ssd", _structure(name, duration, period))
-            archive.write(controller, "resources/controller.fmu")
-            archive.write(plant, "resources/plant.fmu")
-    except OSError as error:
-        raise InputError(str(out), f"cannot be written: {error.strerror}") from error
-    return out
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("SystemStructure.ssd", _structure(name, duration, period))
+        archive.write(controller, "resources/controller.fmu")
+        archive.write(plant, "resources/plant.fmu")
+    return write_to(out, buffer.getvalue())
 
 
 def _structure(name: str, duration: float, period: float) -> bytes:

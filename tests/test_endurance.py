@@ -2,14 +2,17 @@
 
 import json
 import math
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from sidestep.controller import SteeringController
 from sidestep.validation import endurance
 from sidestep.validation.cli import main
 from sidestep.validation.geometry import car_boxes, obstacle_boxes, signed_clearance
+from sidestep.validation.plants import open_plant
 from sidestep.validation.scenario import parse_scenario
 
 
@@ -39,7 +42,7 @@ def test_obstacles_leave_a_way_or_room_to_stop(seed):
 
 
 def row(stint: int, memory: float) -> endurance.StintRow:
-    return endurance.StintRow(stint, "ok", "completed", 1.0, 480.0, 3000, 0, 0, 500.0, memory)
+    return endurance.StintRow(stint, "ok", "completed", 1.0, 480.0, 3000, 0, 0, 0, 500.0, 500.0, memory)
 
 
 def test_growth_is_what_comes_after_the_warm_up():
@@ -48,6 +51,35 @@ def test_growth_is_what_comes_after_the_warm_up():
     grown = [row(k, 150.0 + 0.1 * k) for k in range(100)]
     assert endurance.memory_growth([*warm_up, *flat]) == pytest.approx(0.0)
     assert endurance.memory_growth([*warm_up, *grown]) == pytest.approx(9.0)
+
+
+@pytest.mark.parametrize(("drives", "late", "stalled"), [((0,), 0, 1), ((1,), 0, 0), ((0, 1), 1, 0)])
+def test_only_a_step_that_is_long_again_is_late(drives, late, stalled, monkeypatch):
+    """The seventh step of these drives takes 12 ms of processor time."""
+    made = []
+
+    class Slow(SteeringController):
+        def __init__(self, *arguments):
+            super().__init__(*arguments)
+            self.slow, self.count = len(made) in drives, 0
+            made.append(self)
+
+        def step(self, state):
+            self.count += 1
+            end = time.thread_time() + (0.012 if self.slow and self.count == 7 else 0.0)
+            while time.thread_time() < end:
+                pass
+            return super().step(state)
+
+    now = parse_scenario(endurance._SCENE, "endurance", ["duration=0.5", "plant.kind=linear"])
+    with open_plant(now) as plant:
+        endurance._drive(now, plant, now.start, 0, 0)  # load the kernels
+        monkeypatch.setattr(endurance, "SteeringController", Slow)
+        driven, _ = endurance._drive(now, plant, now.start, 0, 0)
+    assert len(made) == (2 if 0 in drives else 1)
+    assert (driven.late, driven.stalled, driven.steps) == (late, stalled, 50)
+    assert (driven.longest_step > 12000.0) == bool(late)
+    assert (driven.longest_stall > 12000.0) == (0 in drives)
 
 
 @pytest.mark.closed_loop

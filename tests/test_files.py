@@ -5,7 +5,7 @@ import os
 import pytest
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.files import check_file, complete, made, write_text
+from sidestep.validation.files import check_file, complete, complete_path, made, write_text
 
 
 def test_a_file_that_breaks_off_leaves_the_one_before(tmp_path):
@@ -16,6 +16,15 @@ def test_a_file_that_breaks_off_leaves_the_one_before(tmp_path):
         raise KeyboardInterrupt
     assert file.read_text() == "before"
     assert list(tmp_path.iterdir()) == [file]
+
+
+def test_a_picture_keeps_its_ending_while_it_is_written(tmp_path):
+    with complete_path(tmp_path / "a.png") as path:
+        assert path.suffix == ".png"
+        path.write_bytes(b"drawn")
+        assert not (tmp_path / "a.png").exists()
+    assert (tmp_path / "a.png").read_bytes() == b"drawn"
+    assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_a_pipe_is_written_to_and_stays_one(tmp_path):

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 from scipy.stats import binom
 
-from sidestep.validation.limits import Outcome, counted, in_parallel, upper_bound, write_outcome
+from sidestep.plant_models.errors import InputError
+from sidestep.validation.limits import Outcome, counted, in_parallel, kept_rows, upper_bound, write_outcome
 
 
 @pytest.mark.parametrize(("runs", "percent"), [(50, 5.8), (300, 1.0), (2995, 0.1)])
@@ -49,5 +50,23 @@ def test_rows_are_written_as_csv_and_json(tmp_path: Path):
     }
 
 
+def test_rows_are_in_the_file_as_soon_as_they_are_done(tmp_path: Path):
+    file = tmp_path / "things.csv"
+    file.write_text("of an earlier run\n" * 9)
+    with kept_rows(tmp_path, "things", Row) as keep:
+        keep(Row("a", 1.5))
+        assert file.read_text().splitlines() == ["name,value", "a,1.5"]
+        keep(Row("b", math.nan))
+        assert file.read_text().splitlines() == ["name,value", "a,1.5", "b,nan"]
+
+
+def test_a_folder_that_takes_no_rows_is_named(tmp_path: Path):
+    (tmp_path / "things.csv").mkdir()
+    with pytest.raises(InputError, match="cannot write to"), kept_rows(tmp_path, "things", Row):
+        pass
+
+
 def test_results_come_in_the_order_of_the_calls():
-    assert in_parallel("squares", [partial(pow, n, 2) for n in range(6)], jobs=1) == [0, 1, 4, 9, 16, 25]
+    done = []
+    calls = [partial(pow, n, 2) for n in range(6)]
+    assert in_parallel("squares", calls, 1, done.append) == done == [0, 1, 4, 9, 16, 25]

@@ -18,7 +18,7 @@ from sidestep.plant_models.errors import InputError
 from sidestep.validation.files import made, written_to
 from sidestep.validation.recording import Array, write_columns
 from sidestep.validation.scenario import load_scenario
-from sidestep.validation.style import BLUE, ORANGE, RED, legend, panel, styled
+from sidestep.validation.style import BLUE, ORANGE, RED, legend, panel, styled, write_figure
 
 _UNITS = {"time": "s", "logged": "rad", "asked_now": "rad", "difference": "rad"}
 
@@ -54,7 +54,7 @@ def what_if(log: Path, name: str, out: Path, protection: Protection = "P02") -> 
         raise InputError(str(log), "never has both a state to steer by and a command to compare with", allowed)
     with made(out), written_to(out):
         write_columns(out / "what_if.csv", columns, _UNITS)
-        figure(columns).savefig(out / "what_if.svg")
+        write_figure(out / "what_if.svg", figure(columns))
     difference = np.abs(columns["difference"])
     print(
         f"{len(difference)} commands compared: difference RMS {np.sqrt(np.mean(difference**2)):.5f} rad, "

@@ -22,7 +22,7 @@ from sidestep.validation.limits import Outcome, new_table, show, write_outcome
 from sidestep.validation.plants import open_plant
 from sidestep.validation.recording import End, Recording
 from sidestep.validation.scenario import Scenario, parse_scenario
-from sidestep.validation.style import BLUE, RED, panel, styled
+from sidestep.validation.style import BLUE, RED, panel, styled, write_figure
 
 CASES = ((0.1, 1), (0.05, 1), (0.02, 5), (0.02, 10))
 """Control period, in [s], and delay in periods."""
@@ -85,7 +85,7 @@ def delay(plant: str, overrides: Sequence[str], out: Path, command_line: str) ->
         scenes = {case: scene(*case, plant, overrides) for case in cases}
         runs = {case: drive(scenario, case[1]) for case, scenario in scenes.items()}
         rows = [_row(*case, recording) for case, recording in runs.items()]
-        figure(runs).savefig(out / "delay.png", dpi=120)
+        write_figure(out / "delay.png", figure(runs))
     passed = all(row.settled for row in rows if row.compensated)
     write_outcome(out, Outcome("delay", {"plant": plant, "settled_m": SETTLED}, rows, passed), command_line)
     show(_table(rows, plant, scenes[cases[0]].speed))

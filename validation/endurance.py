@@ -4,7 +4,9 @@ The day is cut into stints of half a minute. Each begins where the last one ende
 pass, slow cars to overtake, or a wall to stop before, which is gone in the next stint. One plant serves all of them.
 
 A step is late when it takes more processor time than its period: what the scheduler gives to others in between is not
-the controller's, and in virtual time nobody waits.
+the controller's, and in virtual time nobody waits. A virtual machine that is held by its host counts that as processor
+time, too. So a stint with a long step is driven again from its start, to the last bit the same: what is long in both is
+the controller's, what is long in one is the machine's.
 """
 
 import gc
@@ -24,7 +26,7 @@ from sidestep.validation.console import progress_bar
 from sidestep.validation.cosimulation import cosimulate
 from sidestep.validation.files import made
 from sidestep.validation.judge import judge
-from sidestep.validation.limits import Outcome, counted, new_table, show, write_outcome
+from sidestep.validation.limits import Outcome, counted, kept_rows, new_table, show, write_outcome
 from sidestep.validation.plants import open_plant
 from sidestep.validation.recording import Recording
 from sidestep.validation.scenario import Scenario, parse_scenario
@@ -38,6 +40,7 @@ MAX_GROWTH = 5.0
 WARM_UP = 20
 """Stints after which memory is first looked at; half of all if there are fewer."""
 
+_LONG = 1e6 * PERIOD  # a step, in [us]
 _RADIUS, _TURN_IN, _STRAIGHT = 120.0, 60.0, 300.0  # of the road, in [m]
 _ARC = math.pi * _RADIUS - _TURN_IN  # with the two clothoids, half a turn
 _SCENE = f"""
@@ -70,8 +73,9 @@ class StintRow:
         label, end: See Judgement and Recording.
         min_clearance: In [m].
         distance: Driven, in [m].
-        steps, late, not_finite: Controller steps; those that took longer than PERIOD; numbers that are not finite.
-        longest_step: In processor time, in [us].
+        steps, late, stalled: Controller steps; those that took longer than PERIOD twice; those that did so once.
+        not_finite: Numbers that are not finite.
+        longest_step, longest_stall: In processor time, in [us]; the second with what the machine held up.
         memory: Resident at its end, in [MiB]; NaN where the system does not tell.
     """
 
@@ -82,8 +86,10 @@ class StintRow:
     distance: float
     steps: int
     late: int
+    stalled: int
     not_finite: int
     longest_step: float
+    longest_stall: float
     memory: float
 
 
@@ -97,7 +103,7 @@ def endurance(
         seed: Of the first stint.
         plant: As in a scenario file.
         overrides: `key=value`, as given to `--set`.
-        out: Folder for endurance.json and endurance.csv.
+        out: Folder for endurance.json and endurance.csv, which has every stint as soon as it is driven.
         command_line: For the JSON file.
 
     Returns:
@@ -109,20 +115,22 @@ def endurance(
     scenario = parse_scenario(_SCENE, "endurance", [*overrides, f"plant.kind={plant}"])
     rows: list[StintRow] = []
     count = max(1, round(3600.0 * hours / STINT))
-    with made(out), progress_bar(f"{hours:g} h on {plant}", count) as progress, open_plant(scenario) as car:
+    with made(out), open_plant(scenario) as car:
         state = scenario.start
         _drive(scenario, car, state, 0, seed)  # load the kernels before anything is timed
-        for stint in range(count):
-            row, state = _drive(scenario, car, state, stint, seed)
-            rows.append(row)
-            progress(len(rows))
+        with kept_rows(out, "endurance", StintRow) as keep, progress_bar(f"{hours:g} h on {plant}", count) as progress:
+            for stint in range(count):
+                row, state = _drive(scenario, car, state, stint, seed)
+                keep(row)
+                rows.append(row)
+                progress(len(rows))
     growth = memory_growth(rows)
     touched = sum(row.label not in ("ok", "infeasible, handled") for row in rows)
     late, not_finite = sum(row.late for row in rows), sum(row.not_finite for row in rows)
     passed = not (touched or late or not_finite or growth > MAX_GROWTH)
     summary = {
         "hours": count * STINT / 3600.0, "plant": plant, "touched": touched, "late_steps": late,
-        "not_finite": not_finite, "memory_growth_mib": growth,
+        "stalled_steps": sum(row.stalled for row in rows), "not_finite": not_finite, "memory_growth_mib": growth,
     }  # fmt: skip
     write_outcome(out, Outcome("endurance", summary, rows, passed), command_line)
     table = new_table(f"{count * STINT / 3600.0:.2f} h on {plant}", "", "")
@@ -131,6 +139,8 @@ def endurance(
         ("stints that touched something", counted(touched, count)),
         ("steps over 10 ms of processor time", f"{late} of {sum(row.steps for row in rows)}"),
         ("longest step", f"{max(row.longest_step for row in rows) / 1000.0:.2f} ms"),
+        ("steps held up by the machine", f"{summary['stalled_steps']}"),
+        ("longest of them", f"{max(row.longest_stall for row in rows) / 1000.0:.2f} ms"),
         ("numbers not finite", str(not_finite)),
         ("memory", f"{rows[-1].memory:.1f} MiB, grown by {growth:+.1f}"),
     ):
@@ -204,17 +214,28 @@ def _drive(
     s, _, _ = scenario.path.project(state.x, state.y)
     ahead = obstacles_ahead(scenario, s, seed + stint)
     now = replace(scenario, start=replace(state, time=0.0), obstacles=ahead)
-    controller = _Timed(SteeringController(now.vehicle, now.path, now.obstacles, now.controller))
-    recording = cosimulate(controller, plant, now)
+    recording, first = _timed_drive(now, plant)
+    times = first
+    if first.max() > _LONG:
+        again, second = _timed_drive(now, plant)
+        if np.array_equal(again["x"], recording["x"]):  # not so on a plant that does not repeat itself
+            times = np.minimum(first, second)
     judgement = judge(recording, now)
-    times = np.array(controller.times)
+    late = int(np.count_nonzero(times > _LONG))
     row = StintRow(
         stint, judgement.label, recording.end.value,
         judgement.min_clearance if judgement.min_clearance is not None else math.inf,
         float(np.sum(np.hypot(np.diff(recording["x"]), np.diff(recording["y"])))), len(times),
-        int(np.count_nonzero(times > 1e6 * PERIOD)), _not_finite(recording), float(times.max()), resident_memory(),
+        late, int(np.count_nonzero(first > _LONG)) - late, _not_finite(recording), float(times.max()),
+        float(first.max()), resident_memory(),
     )  # fmt: skip
     return row, _last(recording)
+
+
+def _timed_drive(scenario: Scenario, plant: Plant) -> tuple[Recording, np.ndarray]:
+    """The recording, and every controller step's processor time in [us]."""
+    controller = _Timed(SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller))
+    return cosimulate(controller, plant, scenario), np.array(controller.times)
 
 
 def _not_finite(recording: Recording) -> int:

@@ -12,19 +12,24 @@ from sidestep.plant_models.errors import InputError
 
 
 @contextmanager
-def complete(file: Path) -> Iterator[TextIO]:
-    """A text file to write to, which takes its name only when all of it is there; a device or a pipe is written to."""
+def complete_path(file: Path) -> Iterator[Path]:
+    """A path of the same ending to write to, which becomes `file` when all is there; a device or a pipe is itself."""
     if _is_special(file):
-        with file.open("w", newline="", encoding="utf-8") as stream:
-            yield stream
+        yield file
         return
-    part = file.with_name(f"{file.name}.part")
+    part = file.with_name(f"part-{file.name}")
     try:
-        with part.open("w", newline="", encoding="utf-8") as stream:
-            yield stream
+        yield part
         os.replace(part, file)
     finally:
         part.unlink(missing_ok=True)
+
+
+@contextmanager
+def complete(file: Path) -> Iterator[TextIO]:
+    """A text file to write to, complete or not there."""
+    with complete_path(file) as path, path.open("w", newline="", encoding="utf-8") as stream:
+        yield stream
 
 
 def write_text(file: Path, text: str) -> None:

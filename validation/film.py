@@ -14,6 +14,7 @@ from PIL import Image
 
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.plant import Plant
+from sidestep.validation.files import complete_path
 from sidestep.validation.scenario import Scenario
 
 FRAMES_PER_SECOND = 20
@@ -144,17 +145,24 @@ def _ffmpeg() -> str | None:
 
 
 def write_film(file: Path, frames: Sequence[np.ndarray]) -> None:
-    """Write frames at FRAMES_PER_SECOND; a .gif is made smaller, as it does not compress."""
+    """Write frames at FRAMES_PER_SECOND, complete or not at all; a .gif is made smaller, as it does not compress."""
     if not frames:
         return
+    with complete_path(file) as path:
+        (_write_gif if file.suffix == ".gif" else _write_mp4)(path, frames)
+
+
+def _write_gif(path: Path, frames: Sequence[np.ndarray]) -> None:
     height, width, _ = frames[0].shape
-    if file.suffix == ".gif":
-        small = (_GIF_WIDTH, round(_GIF_WIDTH * height / width))
-        images = [Image.fromarray(frame).resize(small).quantize(128) for frame in frames]
-        images[0].save(file, save_all=True, append_images=images[1:], duration=1000 // FRAMES_PER_SECOND, loop=0)
-        return
+    small = (_GIF_WIDTH, round(_GIF_WIDTH * height / width))
+    images = [Image.fromarray(frame).resize(small).quantize(128) for frame in frames]
+    images[0].save(path, save_all=True, append_images=images[1:], duration=1000 // FRAMES_PER_SECOND, loop=0)
+
+
+def _write_mp4(path: Path, frames: Sequence[np.ndarray]) -> None:
+    height, width, _ = frames[0].shape
     command = [
         str(_ffmpeg()), "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}",
-        "-r", str(FRAMES_PER_SECOND), "-i", "-", "-pix_fmt", "yuv420p", str(file),
+        "-r", str(FRAMES_PER_SECOND), "-i", "-", "-pix_fmt", "yuv420p", str(path),
     ]  # fmt: skip
     subprocess.run(command, input=b"".join(frame.tobytes() for frame in frames), check=True)

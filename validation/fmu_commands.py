@@ -68,7 +68,7 @@ def _build(options: argparse.Namespace) -> int:
 
 
 def _export(options: argparse.Namespace) -> int:
-    from sidestep.fmu.build import copy_to
+    from sidestep.fmu.build import write_to
     from sidestep.fmu.export import export_controller, start_plant
     from sidestep.fmu.plants import MODELS
     from sidestep.fmu.ssp import write_ssp
@@ -95,7 +95,7 @@ def _export(options: argparse.Namespace) -> int:
         plant = start_plant(kind, scene.vehicle, scene.start, scene.plant.friction, fmi)
         print(write_ssp(out, scene.name, controller, plant, scene.duration, scene.controller.period))
     else:
-        print(copy_to(controller, options.out or Path(f"{scene.name}-controller.fmu")))
+        print(write_to(options.out or Path(f"{scene.name}-controller.fmu"), controller.read_bytes()))
     return 0
 
 

@@ -1,10 +1,11 @@
 """What the `sidestep limits` commands share: the bound of a count of failures, and how results are shown and kept."""
 
 import csv
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TextIO, TypeVar, cast
 
 from joblib import Parallel, delayed
 from rich.box import SIMPLE_HEAD
@@ -14,7 +15,7 @@ from rich.table import Table
 from scipy.stats import beta
 
 from sidestep.validation.console import progress_bar
-from sidestep.validation.files import complete, made, write_text
+from sidestep.validation.files import complete, made, write_text, written_to
 from sidestep.validation.summary import strict_json
 
 CONFIDENCE = 0.95
@@ -49,21 +50,54 @@ def counted(failures: int, runs: int) -> str:
     return f"{failures} of {runs}, rate at most {100.0 * upper_bound(failures, runs):.2g} %" if runs else "no run"
 
 
-def in_parallel(title: str, calls: Sequence[Callable[[], Result]], jobs: int) -> list[Result]:
+def in_parallel(
+    title: str, calls: Sequence[Callable[[], Result]], jobs: int, done: Callable[[Result], None] | None = None
+) -> list[Result]:
     """Results of all calls in their order, with a progress bar.
 
     Args:
         title: Beside the bar.
         calls: Picklable, such as functools.partial.
         jobs: Processes, -1 for one per core.
+        done: Called with every result, in their order, as soon as it is there.
     """
     work = Parallel(n_jobs=jobs, return_as="generator")(delayed(call)() for call in calls)
     results: list[Result] = []
     with progress_bar(title, len(calls)) as progress:
         for result in cast("Iterable[Result]", work):
             results.append(result)
+            if done:
+                done(result)
             progress(len(results))
     return results
+
+
+@contextmanager
+def kept_rows(out: Path, name: str, kind: type) -> Iterator[Callable[[Any], None]]:
+    """NAME.csv, which has every row as soon as it is done: hours of work outlive whatever ends them.
+
+    Args:
+        out: Folder, which is there.
+        name: Of the file; one that is there is replaced.
+        kind: Flat dataclass of the rows; its fields are the columns.
+
+    Yields:
+        What adds a row.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
+    with written_to(out):
+        stream = (out / f"{name}.csv").open("w", newline="", encoding="utf-8", buffering=1)
+
+    def add(row: Any) -> None:
+        with written_to(out):
+            _write_rows(stream, [row])
+
+    with stream:
+        with written_to(out):
+            _write_head(stream, kind)
+        yield add
 
 
 def write_outcome(out: Path, outcome: Outcome, command_line: str) -> None:
@@ -73,9 +107,16 @@ def write_outcome(out: Path, outcome: Outcome, command_line: str) -> None:
         whole = {"command_line": command_line, "passed": outcome.passed, **outcome.summary, "rows": rows}
         write_text(out / f"{outcome.name}.json", strict_json(whole))
         with complete(out / f"{outcome.name}.csv") as stream:
-            writer = csv.writer(stream)
-            writer.writerow(f.name for f in fields(outcome.rows[0]))
-            writer.writerows(row.values() for row in rows)
+            _write_head(stream, type(outcome.rows[0]))
+            _write_rows(stream, outcome.rows)
+
+
+def _write_head(stream: TextIO, kind: type) -> None:
+    csv.writer(stream).writerow(f.name for f in fields(kind))
+
+
+def _write_rows(stream: TextIO, rows: Sequence[Any]) -> None:
+    csv.writer(stream).writerows(asdict(row).values() for row in rows)
 
 
 def new_table(title: str, first: str, *numbers: str) -> Table:

@@ -17,6 +17,7 @@ from sidestep.validation.open_loop import RESPONSE_UNITS, Response, drive
 from sidestep.validation.plants import open_plant
 from sidestep.validation.recording import write_columns
 from sidestep.validation.scenario import built_in_scenarios
+from sidestep.validation.style import write_figure
 
 
 def list_manoeuvres() -> int:
@@ -75,7 +76,7 @@ def _open_loop(name: str, overrides: Sequence[str], out: Path) -> None:
             figure = overlay(manoeuvre.label, response, reference, scenario.plant.name)
             with written_to(out):
                 write_columns(out / f"{name}-{number}.csv", response, RESPONSE_UNITS)
-                figure.savefig(out / f"{name}-{number}.png")
+                write_figure(out / f"{name}-{number}.png", figure)
     show(f"signals and pictures: {out}")
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.files import written_to
+from sidestep.validation.files import complete_path, written_to
 from sidestep.validation.recording import STEP_UNITS, Array, Recording
 
 
@@ -32,7 +32,8 @@ def write_mdf(file: Path, recording: Recording, comment: str) -> None:
     with written_to(file.parent), asammdf.MDF(version="4.10") as mdf:
         mdf.append(_signals(asammdf, recording.samples, recording.units), comment=f"{comment}: plant steps")
         mdf.append(_signals(asammdf, recording.steps, STEP_UNITS), comment=f"{comment}: controller steps")
-        mdf.save(file, overwrite=True)
+        with complete_path(file) as path:
+            mdf.save(path, overwrite=True)
 
 
 def _signals(asammdf: Any, columns: Mapping[str, Array], units: Mapping[str, str]) -> list[Any]:

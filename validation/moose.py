@@ -24,7 +24,7 @@ from sidestep.validation.cosimulation import cosimulate
 from sidestep.validation.delay_line import DelayLine
 from sidestep.validation.files import made
 from sidestep.validation.judge import judge
-from sidestep.validation.limits import Outcome, in_parallel, new_table, show, write_outcome
+from sidestep.validation.limits import Outcome, in_parallel, kept_rows, new_table, show, write_outcome
 from sidestep.validation.plants import open_plant
 from sidestep.validation.scenario import Scenario, load_scenario
 
@@ -148,8 +148,8 @@ def moose(plants: Sequence[str], overrides: Sequence[str], jobs: int, out: Path,
     scene(CASES[0], plants[0], SLOWEST, overrides)  # bad input shows here, before any process starts
     speed_calls = [partial(_highest, case, plant, overrides) for plant in plants for case in _possible(CASES, plant)]
     offset_calls = [partial(_offset, case, plant, overrides) for plant in plants for case in OFFSET_CASES]
-    with made(out):
-        rows = in_parallel("highest speed", speed_calls, jobs)
+    with made(out), kept_rows(out, "moose", MooseRow) as keep:
+        rows = in_parallel("highest speed", speed_calls, jobs, keep)
         offsets = in_parallel("steering offset", offset_calls, jobs)
     held = all(row.loss <= OFFSET_LOSS for row in offsets if row.case == OFFSET_CASES[0].name)
     passed = held and all(row.passed for row in rows)

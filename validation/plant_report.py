@@ -34,6 +34,7 @@ from sidestep.validation.prediction_error import HORIZON_TIME
 from sidestep.validation.prediction_models import MODELS
 from sidestep.validation.rating import rate
 from sidestep.validation.scenario import Scenario
+from sidestep.validation.style import write_figure
 from sidestep.validation.summary import strict_json
 from sidestep.validation.validate import evidence_of, junit_cases
 
@@ -97,7 +98,7 @@ def validate_plant(
         write_text(out / "validity.json", strict_json({"command_line": command_line} | found.as_tables()))
         for name, item in zip(("envelope-straight", "envelope-curved", "limits"), evidence, strict=False):
             if item.figure:
-                item.figure.savefig(out / f"{name}.png", dpi=150)
+                write_figure(out / f"{name}.png", item.figure)
     context = {"Command": command_line, "Cells": f"{found.cells} a road, 3 manoeuvres of {DURATION:g} s in each",
                "Version": f"sidestep {version('sidestep')}", "Vehicle": scenario.vehicle.name}  # fmt: skip
     title = f"Validity of the prediction models on {found.plant}"

@@ -15,7 +15,16 @@ from sidestep.validation.cosimulation import cosimulate
 from sidestep.validation.feasibility import assess
 from sidestep.validation.files import made, write_text
 from sidestep.validation.judge import judge
-from sidestep.validation.limits import Outcome, counted, in_parallel, new_table, show, upper_bound, write_outcome
+from sidestep.validation.limits import (
+    Outcome,
+    counted,
+    in_parallel,
+    kept_rows,
+    new_table,
+    show,
+    upper_bound,
+    write_outcome,
+)
 from sidestep.validation.plants import open_plant
 from sidestep.validation.random_scenes import random_scene
 from sidestep.validation.recording import End, Recording
@@ -78,7 +87,7 @@ def scenes(seeds: Sequence[int], plant: str, overrides: Sequence[str], jobs: int
         plant: As in a scenario file.
         overrides: `key=value`, as given to `--set`.
         jobs: Processes, -1 for one per core.
-        out: Folder for scenes.json, scenes.csv and scene-SEED.toml.
+        out: Folder for scenes.json, scene-SEED.toml, and scenes.csv, which has every scene as soon as it is driven.
         command_line: For the JSON file.
 
     Returns:
@@ -90,8 +99,9 @@ def scenes(seeds: Sequence[int], plant: str, overrides: Sequence[str], jobs: int
     if not seeds:
         raise InputError("--count", "no scene", ">= 1")
     open_plant(_scenario(seeds[0], plant, overrides)).close()  # bad input shows here, before any process starts
-    with made(out):
-        rows = in_parallel(f"scenes on {plant}", [partial(run_scene, seed, plant, overrides) for seed in seeds], jobs)
+    calls = [partial(run_scene, seed, plant, overrides) for seed in seeds]
+    with made(out), kept_rows(out, "scenes", SceneRow) as keep:
+        rows = in_parallel(f"scenes on {plant}", calls, jobs, keep)
     failed = [row for row in rows if row.failed]
     for row in failed:
         write_text(out / f"scene-{row.seed}.toml", random_scene(row.seed))

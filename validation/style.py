@@ -3,11 +3,14 @@
 import io
 import re
 from contextlib import AbstractContextManager
+from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+from sidestep.validation.files import complete_path
 
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9"
 INK, FAINT, ROAD, PAPER = "#24292f", "#c3c9d0", "#eceff2", "#fefefe"
@@ -65,6 +68,12 @@ def legend(axes: Axes) -> None:
         list(unique.values()), list(unique), loc="lower right", bbox_to_anchor=(1.005, 1.0), ncols=len(unique),
         borderaxespad=0.15, borderpad=0.1, handlelength=1.5, columnspacing=1.2, handletextpad=0.5,
     )  # fmt: skip
+
+
+def write_figure(file: Path, figure: Figure) -> None:
+    """Write a picture that is complete or not there, in the format of its name."""
+    with complete_path(file) as path:
+        figure.savefig(path, dpi=150)
 
 
 def svg(figure: Figure) -> str:

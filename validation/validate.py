@@ -9,6 +9,7 @@ from sidestep.validation.junit import JunitCase
 from sidestep.validation.limits import new_table, show
 from sidestep.validation.mujoco_drive import long_drive
 from sidestep.validation.mujoco_validation import Check, validate_mujoco
+from sidestep.validation.style import write_figure
 
 
 def checks_of(plant: str) -> list[Check]:
@@ -53,7 +54,7 @@ def write_figures(out: Path) -> None:
 
     with written_to(out):
         for name, figure in (("mujoco-axle-force", axle_forces()), ("mujoco-manoeuvres", manoeuvres())):
-            figure.savefig(out / f"{name}.png", dpi=110)
+            write_figure(out / f"{name}.png", figure)
             print(f"figure: {out / f'{name}.png'}")
 
 
