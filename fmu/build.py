@@ -105,13 +105,16 @@ def _expected_output(model: Model, contents: dict[str, bytes]) -> bytes:
 
 
 def write_to(out: Path, data: bytes) -> Path:
-    """Write a file that was asked for, complete or not at all.
+    """Write a file that was asked for, complete or not at all; a device or a pipe is written to.
 
     Raises:
         InputError: `out` cannot be written.
     """
     try:
-        _write(out, data)
+        if out.exists() and not out.is_file():
+            out.write_bytes(data)
+        else:
+            _write(out, data)
     except OSError as error:
         raise InputError(str(out), f"cannot be written: {error.strerror}") from error
     return out

@@ -3,6 +3,7 @@
 import json
 import math
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -53,33 +54,43 @@ def test_growth_is_what_comes_after_the_warm_up():
     assert endurance.memory_growth([*warm_up, *grown]) == pytest.approx(9.0)
 
 
-@pytest.mark.parametrize(("drives", "late", "stalled"), [((0,), 0, 1), ((1,), 0, 0), ((0, 1), 1, 0)])
-def test_only_a_step_that_is_long_again_is_late(drives, late, stalled, monkeypatch):
-    """The seventh step of these drives takes 12 ms of processor time."""
+@pytest.mark.parametrize(("slow", "repeats", "late"), [((0,), True, 0), ((0,), False, 1), ((0, 1), True, 1)])
+def test_only_a_step_that_is_long_again_is_late(slow, repeats, late, monkeypatch):
+    """The seventh step of these drives takes 12 ms of processor time; a plant that drifts does not repeat itself."""
     made = []
 
     class Slow(SteeringController):
         def __init__(self, *arguments):
             super().__init__(*arguments)
-            self.slow, self.count = len(made) in drives, 0
+            self.drive, self.count = len(made), 0
             made.append(self)
 
         def step(self, state):
             self.count += 1
-            end = time.thread_time() + (0.012 if self.slow and self.count == 7 else 0.0)
+            end = time.thread_time() + (0.012 if self.drive in slow and self.count == 7 else 0.0)
             while time.thread_time() < end:
                 pass
-            return super().step(state)
+            return super().step(replace(state, y=state.y + (0.0 if repeats else 0.01 * self.drive)))
 
     now = parse_scenario(endurance._SCENE, "endurance", ["duration=0.5", "plant.kind=linear"])
     with open_plant(now) as plant:
         endurance._drive(now, plant, now.start, 0, 0)  # load the kernels
         monkeypatch.setattr(endurance, "SteeringController", Slow)
         driven, _ = endurance._drive(now, plant, now.start, 0, 0)
-    assert len(made) == (2 if 0 in drives else 1)
-    assert (driven.late, driven.stalled, driven.steps) == (late, stalled, 50)
+    assert len(made) == 2
+    assert (driven.late, driven.stalled, driven.steps) == (late, 1 - late, 50)
     assert (driven.longest_step > 12000.0) == bool(late)
-    assert (driven.longest_stall > 12000.0) == (0 in drives)
+    assert (driven.longest_stall > 12000.0) == (not late)
+
+
+def test_stints_outlive_what_ends_the_drive(tmp_path, monkeypatch):
+    (tmp_path / "endurance.json").write_text("of an earlier drive")
+    rows = iter([row(0, 1.0), row(0, 1.0), row(1, 1.0)])  # the first is not counted
+    monkeypatch.setattr(endurance, "_drive", lambda scenario, plant, state, *_: (next(rows), state))
+    with pytest.raises(StopIteration):
+        endurance.endurance(1.0, 0, "linear", [], tmp_path, "")
+    assert [line.split(",")[0] for line in (tmp_path / "endurance.csv").read_text().splitlines()] == ["stint", "0", "1"]
+    assert not (tmp_path / "endurance.json").exists()
 
 
 @pytest.mark.closed_loop

@@ -1,8 +1,12 @@
 """Controller and plant in masters that others wrote: the same drive as in our own loop with the same coupling."""
 
+import io
 import json
+import os
 import subprocess
 import sys
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
 
 import fmpy
 import numpy as np
@@ -109,6 +113,16 @@ def test_fmpy_opens_the_system_file(tmp_path):
 def test_system_file_that_cannot_be_written(tmp_path):
     with pytest.raises(InputError, match=r"no/drive\.ssp: cannot be written"):
         write_ssp(tmp_path / "no" / "drive.ssp", "drive", *pair(2), duration=8.0, period=PERIOD)
+
+
+def test_a_pipe_takes_the_system_file_and_stays_one(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with ThreadPoolExecutor() as pool:
+        read = pool.submit(pipe.read_bytes)
+        write_ssp(pipe, "drive", *pair(2), duration=8.0, period=PERIOD)
+        assert zipfile.ZipFile(io.BytesIO(read.result(10.0))).testzip() is None
+    assert pipe.is_fifo()
 
 
 def last_second(preset, delayed, delay_steps, period=0.1):

@@ -52,18 +52,21 @@ def test_rows_are_written_as_csv_and_json(tmp_path: Path):
 
 def test_rows_are_in_the_file_as_soon_as_they_are_done(tmp_path: Path):
     file = tmp_path / "things.csv"
-    file.write_text("of an earlier run\n" * 9)
-    with kept_rows(tmp_path, "things", Row) as keep:
-        keep(Row("a", 1.5))
-        assert file.read_text().splitlines() == ["name,value", "a,1.5"]
-        keep(Row("b", math.nan))
-        assert file.read_text().splitlines() == ["name,value", "a,1.5", "b,nan"]
+    write_outcome(tmp_path, Outcome("things", {}, [Row("earlier", 0.0)] * 9, True), "")
+    keep = kept_rows(tmp_path, "things")
+    assert (tmp_path / "things.json").exists()
+    assert file.read_text().count("earlier") == 9
+    keep(Row("a", 1.5))
+    assert file.read_text().splitlines() == ["name,value", "a,1.5"]
+    keep(Row("b", math.nan))
+    assert file.read_text().splitlines() == ["name,value", "a,1.5", "b,nan"]
+    assert not (tmp_path / "things.json").exists()
 
 
-def test_a_folder_that_takes_no_rows_is_named(tmp_path: Path):
-    (tmp_path / "things.csv").mkdir()
-    with pytest.raises(InputError, match="cannot write to"), kept_rows(tmp_path, "things", Row):
-        pass
+def test_a_disk_that_fills_up_is_named(tmp_path: Path):
+    (tmp_path / "things.csv").symlink_to("/dev/full")
+    with pytest.raises(InputError, match=r"--out: cannot write to .*No space left"):
+        kept_rows(tmp_path, "things")(Row("a", 1.5))
 
 
 def test_results_come_in_the_order_of_the_calls():

@@ -1,6 +1,7 @@
 """ISO 3888-2: lanes from the car's width, rolling without drive or brakes, the search for the highest speed."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -110,3 +111,26 @@ def test_the_command_writes_all_cases(tmp_path: Path, monkeypatch, capsys):
     default = result["rows"][0]
     assert default["speed"] == default["bisected"] == 25.0
     assert "highest clean" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("plant", ["mujco", "no.fmu"])
+def test_a_plant_that_is_not_there_leaves_what_was_found_before(plant, tmp_path: Path, capsys):
+    (tmp_path / "moose.csv").write_text("found before")
+    assert main(["limits", "moose", "--plant", plant, "--out", str(tmp_path)]) == 2
+    assert main(["limits", "moose", "--plant", plant, "--out", str(tmp_path / "new")]) == 2
+    assert plant in capsys.readouterr().err
+    assert (tmp_path / "moose.csv").read_text() == "found before"
+    assert not (tmp_path / "new").exists()
+
+
+def test_rows_outlive_what_ends_the_study(tmp_path: Path, monkeypatch):
+    def find(case: moose.Case, plant: str, overrides: Sequence[str]) -> moose.MooseRow:
+        if case is moose.CASES[2]:
+            raise ZeroDivisionError
+        return moose.MooseRow(case.name, plant, 30.0, 30.0, 0.1, 1.0, 0.0)
+
+    monkeypatch.setattr(moose, "_highest", find)
+    with pytest.raises(ZeroDivisionError):
+        moose.moose(["mujoco"], [], 1, tmp_path, "")
+    names = [line.split(",")[0] for line in (tmp_path / "moose.csv").read_text().splitlines()]
+    assert names == ["case", "default", "body roll not known"]

@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,12 +13,13 @@ from stand_in import straight_plan
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.signals import VehicleState
+from sidestep.validation import scene_runs
 from sidestep.validation.cli import main
 from sidestep.validation.geometry import obstacle_boxes, signed_clearance
 from sidestep.validation.random_scenes import MAX_CURVATURE, ROAD_ACCELERATION, SPEEDS, random_scene
 from sidestep.validation.recording import Recording
 from sidestep.validation.scenario import Scenario, load_scenario, parse_scenario
-from sidestep.validation.scene_runs import COMMITMENT_TIME, SceneRow, count_flips, run_scene
+from sidestep.validation.scene_runs import COMMITMENT_TIME, PASSABLE, SceneRow, count_flips, run_scene, scenes
 
 SEEDS = range(60)
 
@@ -150,6 +152,18 @@ def test_the_command_writes_what_it_shows(tmp_path: Path, capsys):
     assert [entry["seed"] for entry in result["rows"]] == [8, 9]
     assert sum(c["n"] for c in result["classes"].values()) == 2
     assert all(c["upper_bound_95"] is None or math.isfinite(c["upper_bound_95"]) for c in result["classes"].values())
+
+
+def test_rows_outlive_what_ends_the_study(tmp_path: Path, monkeypatch):
+    def drive(seed: int, plant: str, overrides: Sequence[str]) -> SceneRow:
+        if seed == 2:
+            raise ZeroDivisionError
+        return SceneRow(seed, 1.0, 2, 0, PASSABLE, "ok", "completed", 1.0, 1.0, 1.0, 1.0, 0, 0, "")
+
+    monkeypatch.setattr(scene_runs, "run_scene", drive)
+    with pytest.raises(ZeroDivisionError):
+        scenes(range(4), "linear", [], 1, tmp_path, "")
+    assert [line.split(",")[0] for line in (tmp_path / "scenes.csv").read_text().splitlines()] == ["seed", "0", "1"]
 
 
 def test_no_scene_is_bad_usage(tmp_path: Path, capsys):

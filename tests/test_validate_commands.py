@@ -55,7 +55,7 @@ def test_one_manoeuvre_leaves_signals_and_a_picture(tmp_path, capsys):
 
 
 def test_a_disk_that_fills_up_is_one_line(tmp_path, monkeypatch, capsys):
-    def full(*_):
+    def full(*_, **__):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(Figure, "savefig", full)

@@ -17,7 +17,7 @@ from rich.table import Table
 from sidestep.controller import SteeringController
 from sidestep.validation.cosimulation import cosimulate
 from sidestep.validation.delay_line import DelayLine
-from sidestep.validation.files import made
+from sidestep.validation.files import made, written_to
 from sidestep.validation.limits import Outcome, new_table, show, write_outcome
 from sidestep.validation.plants import open_plant
 from sidestep.validation.recording import End, Recording
@@ -85,7 +85,8 @@ def delay(plant: str, overrides: Sequence[str], out: Path, command_line: str) ->
         scenes = {case: scene(*case, plant, overrides) for case in cases}
         runs = {case: drive(scenario, case[1]) for case, scenario in scenes.items()}
         rows = [_row(*case, recording) for case, recording in runs.items()]
-        write_figure(out / "delay.png", figure(runs))
+        with written_to(out):
+            write_figure(out / "delay.png", figure(runs))
     passed = all(row.settled for row in rows if row.compensated)
     write_outcome(out, Outcome("delay", {"plant": plant, "settled_m": SETTLED}, rows, passed), command_line)
     show(_table(rows, plant, scenes[cases[0]].speed))

@@ -17,7 +17,7 @@ def complete_path(file: Path) -> Iterator[Path]:
     if _is_special(file):
         yield file
         return
-    part = file.with_name(f"part-{file.name}")
+    part = file.with_name(f".part-{file.name}")
     try:
         yield part
         os.replace(part, file)

@@ -1,11 +1,10 @@
 """What the `sidestep limits` commands share: the bound of a count of failures, and how results are shown and kept."""
 
 import csv
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any, TextIO, TypeVar, cast
+from typing import Any, Literal, TextIO, TypeVar, cast
 
 from joblib import Parallel, delayed
 from rich.box import SIMPLE_HEAD
@@ -59,7 +58,7 @@ def in_parallel(
         title: Beside the bar.
         calls: Picklable, such as functools.partial.
         jobs: Processes, -1 for one per core.
-        done: Called with every result, in their order, as soon as it is there.
+        done: Called with every result as soon as it and those before it are there.
     """
     work = Parallel(n_jobs=jobs, return_as="generator")(delayed(call)() for call in calls)
     results: list[Result] = []
@@ -72,47 +71,48 @@ def in_parallel(
     return results
 
 
-@contextmanager
-def kept_rows(out: Path, name: str, kind: type) -> Iterator[Callable[[Any], None]]:
-    """NAME.csv, which has every row as soon as it is done: hours of work outlive whatever ends them.
+def kept_rows(out: Path, name: str) -> Callable[[Any], None]:
+    """What adds a row to NAME.csv at once: hours of work outlive whatever ends them.
+
+    The first row replaces what is there of an earlier run, NAME.json included.
 
     Args:
         out: Folder, which is there.
-        name: Of the file; one that is there is replaced.
-        kind: Flat dataclass of the rows; its fields are the columns.
+        name: Of the file.
 
-    Yields:
-        What adds a row.
-
-    Raises:
-        InputError: The file cannot be written.
+    Returns:
+        A function that takes a row, a flat dataclass whose fields are the columns; raises InputError where the file
+        cannot be written.
     """
-    with written_to(out):
-        stream = (out / f"{name}.csv").open("w", newline="", encoding="utf-8", buffering=1)
+    mode: Literal["w", "a"] = "w"
 
     def add(row: Any) -> None:
+        nonlocal mode
         with written_to(out):
-            _write_rows(stream, [row])
+            if mode == "w":
+                (out / f"{name}.json").unlink(missing_ok=True)
+            with (out / f"{name}.csv").open(mode, newline="", encoding="utf-8") as stream:
+                if mode == "w":
+                    _write_head(stream, row)
+                _write_rows(stream, [row])
+        mode = "a"
 
-    with stream:
-        with written_to(out):
-            _write_head(stream, kind)
-        yield add
+    return add
 
 
 def write_outcome(out: Path, outcome: Outcome, command_line: str) -> None:
     """Write NAME.json and NAME.csv."""
-    with made(out):
+    with made(out), written_to(out):
         rows = [asdict(row) for row in outcome.rows]
         whole = {"command_line": command_line, "passed": outcome.passed, **outcome.summary, "rows": rows}
         write_text(out / f"{outcome.name}.json", strict_json(whole))
         with complete(out / f"{outcome.name}.csv") as stream:
-            _write_head(stream, type(outcome.rows[0]))
+            _write_head(stream, outcome.rows[0])
             _write_rows(stream, outcome.rows)
 
 
-def _write_head(stream: TextIO, kind: type) -> None:
-    csv.writer(stream).writerow(f.name for f in fields(kind))
+def _write_head(stream: TextIO, row: Any) -> None:
+    csv.writer(stream).writerow(f.name for f in fields(row))
 
 
 def _write_rows(stream: TextIO, rows: Sequence[Any]) -> None:

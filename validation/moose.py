@@ -136,7 +136,7 @@ def moose(plants: Sequence[str], overrides: Sequence[str], jobs: int, out: Path,
         plants: As in a scenario file.
         overrides: `key=value`, as given to `--set`.
         jobs: Processes, -1 for one per core.
-        out: Folder for moose.json and moose.csv.
+        out: Folder for moose.json and moose.csv, which has every row as soon as it and those before it are found.
         command_line: For the JSON file.
 
     Returns:
@@ -145,11 +145,12 @@ def moose(plants: Sequence[str], overrides: Sequence[str], jobs: int, out: Path,
     Raises:
         InputError: Bad override or plant, or a folder that takes no files.
     """
-    scene(CASES[0], plants[0], SLOWEST, overrides)  # bad input shows here, before any process starts
+    for plant in plants:  # bad input shows here, before any process starts
+        open_plant(scene(CASES[0], plant, SLOWEST, overrides)).close()
     speed_calls = [partial(_highest, case, plant, overrides) for plant in plants for case in _possible(CASES, plant)]
     offset_calls = [partial(_offset, case, plant, overrides) for plant in plants for case in OFFSET_CASES]
-    with made(out), kept_rows(out, "moose", MooseRow) as keep:
-        rows = in_parallel("highest speed", speed_calls, jobs, keep)
+    with made(out):
+        rows = in_parallel("highest speed", speed_calls, jobs, kept_rows(out, "moose"))
         offsets = in_parallel("steering offset", offset_calls, jobs)
     held = all(row.loss <= OFFSET_LOSS for row in offsets if row.case == OFFSET_CASES[0].name)
     passed = held and all(row.passed for row in rows)

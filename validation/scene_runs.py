@@ -13,7 +13,7 @@ from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.validation.cosimulation import cosimulate
 from sidestep.validation.feasibility import assess
-from sidestep.validation.files import made, write_text
+from sidestep.validation.files import made, write_text, written_to
 from sidestep.validation.judge import judge
 from sidestep.validation.limits import (
     Outcome,
@@ -87,7 +87,8 @@ def scenes(seeds: Sequence[int], plant: str, overrides: Sequence[str], jobs: int
         plant: As in a scenario file.
         overrides: `key=value`, as given to `--set`.
         jobs: Processes, -1 for one per core.
-        out: Folder for scenes.json, scene-SEED.toml, and scenes.csv, which has every scene as soon as it is driven.
+        out: Folder for scenes.json, scene-SEED.toml, and scenes.csv, which has every row as soon as it and those
+            before it are there.
         command_line: For the JSON file.
 
     Returns:
@@ -100,11 +101,12 @@ def scenes(seeds: Sequence[int], plant: str, overrides: Sequence[str], jobs: int
         raise InputError("--count", "no scene", ">= 1")
     open_plant(_scenario(seeds[0], plant, overrides)).close()  # bad input shows here, before any process starts
     calls = [partial(run_scene, seed, plant, overrides) for seed in seeds]
-    with made(out), kept_rows(out, "scenes", SceneRow) as keep:
-        rows = in_parallel(f"scenes on {plant}", calls, jobs, keep)
+    with made(out):
+        rows = in_parallel(f"scenes on {plant}", calls, jobs, kept_rows(out, "scenes"))
     failed = [row for row in rows if row.failed]
-    for row in failed:
-        write_text(out / f"scene-{row.seed}.toml", random_scene(row.seed))
+    with written_to(out):
+        for row in failed:
+            write_text(out / f"scene-{row.seed}.toml", random_scene(row.seed))
     write_outcome(out, Outcome("scenes", _summary(rows), rows, not failed), command_line)
     show(_table(rows, plant), *(_line(row) for row in failed))
     return 1 if failed else 0
