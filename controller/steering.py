@@ -72,6 +72,15 @@ class SteeringController:
         self._node_times = np.concatenate([[0.0], self._mpc.times])
         self._horizon = float(self._node_times[-1])
         self._swerve_nodes = int(np.searchsorted(self._node_times, SWERVE_TIME))
+        self._load_kernels()
+
+    def _load_kernels(self) -> None:
+        """Compiled code is loaded at its first call: here, off the road, where all bounds act, not on the way."""
+        self.reset()
+        x, y = self.path.to_cartesian(0.0, self.config.width_left)
+        for k in range(2):
+            time, heading = k * self.config.period, self.path.heading(0.0)
+            SteeringController.step(self, VehicleState(time, x, y, heading + 0.3, v_x=10.0))
         self.reset()
 
     def reset(self) -> None:
