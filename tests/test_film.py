@@ -1,6 +1,7 @@
 """Films of the MuJoCo car: what is drawn where, what is refused, and what the file holds."""
 
 import math
+from pathlib import Path
 from types import SimpleNamespace
 
 import mujoco
@@ -65,10 +66,17 @@ def test_a_gif_holds_the_frames_at_their_rate(tmp_path):
 
 def test_an_mp4_is_made_by_ffmpeg(tmp_path, monkeypatch):
     calls = []
+
+    def run(command, **rest):
+        calls.append((command, rest))
+        Path(command[-1]).write_bytes(b"film")
+
     monkeypatch.setattr(module, "_ffmpeg", lambda: "ffmpeg")
-    monkeypatch.setattr(module.subprocess, "run", lambda command, **rest: calls.append((command, rest)))
+    monkeypatch.setattr(module.subprocess, "run", run)
     write_film(tmp_path / "film.mp4", [np.zeros((4, 6, 3), np.uint8)] * 2)
     (command, rest) = calls[0]
+    assert command[-1].endswith(".mp4")
+    assert (tmp_path / "film.mp4").read_bytes() == b"film"
     assert command[command.index("-s") + 1] == "6x4"
     assert len(rest["input"]) == 2 * 4 * 6 * 3
 
