@@ -153,6 +153,7 @@ class _Rows:
         self._solver = set_up(p)
 
     def solve(self) -> tuple[piqp.Status, piqp.Result]:
+        """Solve what is in `problem`; the result's arrays are overwritten by the next call."""
         p = self.problem
         self._solver.update(P=p.P, c=p.c, G=p.G, h_l=p.h_l, h_u=p.h_u)
         status, result = self._solver.solve(), self._solver.result

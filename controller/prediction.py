@@ -47,6 +47,11 @@ class Prediction(NamedTuple):
     roll: NDArray[np.float64]
     age: float
 
+    @classmethod
+    def lasting(cls, x0: NDArray[np.float64]) -> "Prediction":
+        """What the first step goes by: the present state, shape (6,), for ever."""
+        return cls(np.zeros(1), x0[None], np.zeros((1, 2)), 0.0)
+
 
 @njit(cache=True, nogil=True)
 def model_block(speed, slope_f, slope_r, car):

@@ -78,9 +78,9 @@ class SteeringController:
         """Compiled code is loaded at its first call: here, off the road, where all bounds act, not on the way."""
         self.reset()
         x, y = self.path.to_cartesian(0.0, self.config.width_left)
-        for k in range(2):
-            time, heading = k * self.config.period, self.path.heading(0.0)
-            SteeringController.step(self, VehicleState(time, x, y, heading + 0.3, v_x=10.0))
+        yaw = self.path.heading(0.0) + 0.3
+        for k in range(2):  # only the second has something to learn from
+            SteeringController.step(self, VehicleState(k * self.config.period, x, y, yaw, v_x=10.0))
         self.reset()
 
     def reset(self) -> None:
@@ -180,7 +180,7 @@ class SteeringController:
         if good and good.slack_slip < TRUSTED_SLIP:
             before = Prediction(good.states_time, good.states, good.roll, state.time - good.time)
         else:
-            before = _lasting(x0)
+            before = Prediction.lasting(x0)
         corridor = self._plan_corridor(s, x0[0], state, before)
         planned = time.perf_counter()
         solution = self._solve(x0, corridor, v, before)
@@ -317,8 +317,3 @@ class SteeringController:
             time=now, status=status, states=states, solver_status=solver_status, feasible=False,
             target_speed=target,
         )  # fmt: skip
-
-
-def _lasting(x0: Array) -> Prediction:
-    """What the first step goes by: the present state, for ever."""
-    return Prediction(np.zeros(1), x0[None], np.zeros((1, 2)), 0.0)
