@@ -21,9 +21,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from sidestep.validation.campaign import Campaign, cases, load_campaign
-from sidestep.validation.campaign_run import load_rows, run_campaign, run_case
-from sidestep.validation.journal import Row
+from sidestep.validation.campaigns.campaign import Campaign, cases, load_campaign
+from sidestep.validation.campaigns.campaign_run import load_rows, run_campaign, run_case
+from sidestep.validation.campaigns.journal import Row
 
 SPEC = Path(__file__).parents[1] / "examples" / "friction_sweep.toml"
 

@@ -15,10 +15,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from sidestep.controller.can_port.database import load_dbc
-from sidestep.controller.can_port.e2e import Receiver
-from sidestep.controller.can_port.messages import STEER_CMD, decode_steer_command, encode_steer_command
+from sidestep.controller.can_port.codec.database import load_dbc
+from sidestep.controller.can_port.codec.messages import STEER_CMD, decode_steer_command, encode_steer_command
 from sidestep.controller.can_port.port import SteeringPort
+from sidestep.controller.can_port.protection.e2e import Receiver
 from sidestep.plant_models.signals import SteeringCommand
 
 ROUNDS, COUNT = 12, 2000

@@ -23,11 +23,11 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from sidestep.controller.can_port.bus import resolve_spec
-from sidestep.controller.can_port.database import load_dbc
-from sidestep.controller.can_port.log import read_log
+from sidestep.controller.can_port.bus.bus import resolve_spec
+from sidestep.controller.can_port.bus.log import read_log
+from sidestep.controller.can_port.bus.pacing import Pacer
+from sidestep.controller.can_port.codec.database import load_dbc
 from sidestep.controller.can_port.nodes import CYCLE
-from sidestep.controller.can_port.pacing import Pacer
 
 LONG = ["--set", "duration=60", "--set", 'road.segments=[{type="line",length=1000.0}]']
 DRIVES = (("single-obstacle", []), ("double-obstacle", []), ("single-obstacle", LONG))

@@ -25,16 +25,16 @@ from fmpy.fmi3 import FMU3Slave
 from fmpy.simulation import instantiate_fmu
 
 from sidestep.controller import SteeringController
-from sidestep.fmu.build import build_fmu
-from sidestep.fmu.controller_variables import STATE
-from sidestep.fmu.export import export_controller
-from sidestep.fmu.fmu_plant import FmuPlant
-from sidestep.fmu.instance import FmuInstance
-from sidestep.fmu.mapping import OUTPUTS
-from sidestep.fmu.plants import MODELS
-from sidestep.plant_models.linear_plant import LinearPlant
+from sidestep.fmu.exporting.controller_variables import STATE
+from sidestep.fmu.exporting.export import export_controller
+from sidestep.fmu.importing.instance import FmuInstance
+from sidestep.fmu.importing.mapping import OUTPUTS
+from sidestep.fmu.importing.plant import FmuPlant
+from sidestep.fmu.native.build import build_fmu
+from sidestep.fmu.native.plants import MODELS
+from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.validation.scenario import load_scenario
+from sidestep.validation.scenarios.scenario import load_scenario
 
 DT = 0.02
 BATCHES, STEPS = 300, 50

@@ -12,13 +12,13 @@ import mujoco
 import numpy as np
 
 from sidestep.controller import SteeringController
-from sidestep.plant_models.mujoco_loop import stop_the_clock
-from sidestep.plant_models.mujoco_plant import MujocoPlant
+from sidestep.plant_models.mujoco.loop import stop_the_clock
+from sidestep.plant_models.mujoco.plant import MujocoPlant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.plant_models.vehicle import VehicleParameters
-from sidestep.validation.cosimulation import cosimulate
-from sidestep.validation.plants import open_plant
-from sidestep.validation.scenario import load_scenario
+from sidestep.plant_models.vehicle.parameters import VehicleParameters
+from sidestep.validation.loop.cosimulation import cosimulate
+from sidestep.validation.loop.plants import open_plant
+from sidestep.validation.scenarios.scenario import load_scenario
 
 START, BEND = VehicleState(v_x=15.0), SteeringCommand(0.0, 0.02, 15.0)
 PERIOD, STEPS = 0.02, 20  # of the controller [s], and of the plant in it

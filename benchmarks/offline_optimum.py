@@ -19,11 +19,11 @@ import piqp
 from scipy import sparse
 
 from sidestep.controller import SteeringController
-from sidestep.plant_models.bicycle import continuous, discretise
-from sidestep.validation.cosimulation import cosimulate
-from sidestep.validation.optimum import RESULTS, SCENES, Peaks
-from sidestep.validation.plants import open_plant
-from sidestep.validation.scenario import Scenario, load_scenario
+from sidestep.plant_models.linear.bicycle import continuous, discretise
+from sidestep.validation.loop.cosimulation import cosimulate
+from sidestep.validation.loop.plants import open_plant
+from sidestep.validation.scenarios.scenario import Scenario, load_scenario
+from sidestep.validation.studies.optimum import RESULTS, SCENES, Peaks
 
 JERK_TIME = 0.1
 """Jerk weighs as much as a_y in motions of this time constant, in [s]."""

@@ -11,12 +11,12 @@ from time import perf_counter
 import numpy as np
 
 from sidestep.controller import SteeringController
-from sidestep.controller.lattice import shortest_path
-from sidestep.plant_models.linear_plant import LinearPlant
+from sidestep.controller.decision.lattice import shortest_path
+from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.plant_models.road import Line, ReferencePath
+from sidestep.plant_models.road.reference_path import Line, ReferencePath
 from sidestep.plant_models.signals import VehicleState
-from sidestep.plant_models.vehicle import VehicleParameters
+from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
 FEW, MANY = 2, 50
 ROUNDS, SECONDS = 7, 8.0

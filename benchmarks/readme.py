@@ -12,10 +12,10 @@ import time
 from pathlib import Path
 from typing import Any
 
-from sidestep.validation.runs import drive
-from sidestep.validation.scenario import load_scenario
-from sidestep.validation.style import styled
-from sidestep.validation.topview import top_view
+from sidestep.validation.report.style import styled
+from sidestep.validation.report.topview import top_view
+from sidestep.validation.scenarios.scenario import load_scenario
+from sidestep.validation.studies.runs import drive
 
 HERE = Path(__file__).parent
 README = HERE.parent / "README.md"

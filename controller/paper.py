@@ -10,9 +10,9 @@ import numpy as np
 import piqp
 from numpy.typing import NDArray
 
-from sidestep.controller.mpc import Problem, Solution
-from sidestep.plant_models.bicycle import continuous, euler
-from sidestep.plant_models.vehicle import VehicleParameters
+from sidestep.controller.mpc.mpc import Problem, Solution
+from sidestep.plant_models.linear.bicycle import continuous, euler
+from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
 Array = NDArray[np.float64]
 

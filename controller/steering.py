@@ -8,24 +8,24 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sidestep.controller.car_model import Car, peak_slip
 from sidestep.controller.config import ControllerConfig
-from sidestep.controller.corridor import excess_over
-from sidestep.controller.corridor_planner import Corridor, NodeGrid, plan_corridor
-from sidestep.controller.mpc import Mpc, Problem, Solution
-from sidestep.controller.observer import Disturbance, observe_disturbance, observe_friction
+from sidestep.controller.decision.corridor import excess_over
+from sidestep.controller.decision.corridor_planner import Corridor, NodeGrid, plan_corridor
+from sidestep.controller.decision.planner import FREE, PlannedPath, PlannerSettings
+from sidestep.controller.decision.stopping import SWERVE_TIME, approach_speed, spare_braking, squeezed_speed
+from sidestep.controller.mpc.car_model import Car, peak_slip
+from sidestep.controller.mpc.mpc import Mpc, Problem, Solution
+from sidestep.controller.mpc.prediction import SLOWEST, Prediction, advance
+from sidestep.controller.mpc.roll import Body, advance_roll, lateral_acceleration, roll_ahead
 from sidestep.controller.paper import PaperMpc
+from sidestep.controller.perception.observer import Disturbance, observe_disturbance, observe_friction
 from sidestep.controller.plan import Plan
-from sidestep.controller.planner import FREE, PlannedPath, PlannerSettings
-from sidestep.controller.prediction import SLOWEST, Prediction, advance
-from sidestep.controller.roll import Body, advance_roll, lateral_acceleration, roll_ahead
-from sidestep.controller.stopping import SWERVE_TIME, approach_speed, spare_braking, squeezed_speed
 from sidestep.controller.validity import Validity
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.plant_models.road import ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
 from sidestep.plant_models.speed_control import SPEED_GAIN
-from sidestep.plant_models.vehicle import VehicleParameters
+from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
 Array = NDArray[np.float64]
 

@@ -11,10 +11,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from sidestep.controller.car_model import Car, axle_force, peak_slip
 from sidestep.controller.config import ControllerConfig
+from sidestep.controller.mpc.car_model import Car, axle_force, peak_slip
 from sidestep.plant_models.errors import InputError
-from sidestep.plant_models.vehicle import GRAVITY
+from sidestep.plant_models.vehicle.parameters import GRAVITY
 
 Array = NDArray[np.float64]
 

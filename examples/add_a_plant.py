@@ -9,12 +9,12 @@ from own_plant import KinematicCar
 
 from sidestep.controller import SteeringController
 from sidestep.plant_models import check_plant
-from sidestep.plant_models.linear_plant import LinearPlant
-from sidestep.validation.cosimulation import cosimulate
-from sidestep.validation.judge import judge
-from sidestep.validation.rating import rate
-from sidestep.validation.recording import Recording
-from sidestep.validation.scenario import load_scenario
+from sidestep.plant_models.linear.plant import LinearPlant
+from sidestep.validation.judge.verdict import judge
+from sidestep.validation.loop.cosimulation import cosimulate
+from sidestep.validation.loop.recording import Recording
+from sidestep.validation.manoeuvres.rating import rate
+from sidestep.validation.scenarios.scenario import load_scenario
 
 
 def main() -> None:

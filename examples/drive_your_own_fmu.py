@@ -8,14 +8,14 @@ import sys
 from pathlib import Path
 
 from sidestep.controller import SteeringController
-from sidestep.fmu.archive import unpack
-from sidestep.fmu.build import build_fmu
-from sidestep.fmu.fmu_plant import FmuPlant
-from sidestep.fmu.mapping import Mapping
-from sidestep.fmu.proposal import describe, propose_mapping
-from sidestep.validation.cosimulation import cosimulate
-from sidestep.validation.judge import judge
-from sidestep.validation.scenario import load_scenario
+from sidestep.fmu.importing.archive import unpack
+from sidestep.fmu.importing.mapping import Mapping
+from sidestep.fmu.importing.plant import FmuPlant
+from sidestep.fmu.importing.proposal import describe, propose_mapping
+from sidestep.fmu.native.build import build_fmu
+from sidestep.validation.judge.verdict import judge
+from sidestep.validation.loop.cosimulation import cosimulate
+from sidestep.validation.scenarios.scenario import load_scenario
 
 
 def main(file: Path, table: Path | None) -> None:

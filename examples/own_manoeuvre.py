@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from sidestep.plant_models import VehicleParameters
-from sidestep.plant_models.linear_plant import LinearPlant
-from sidestep.plant_models.mujoco_plant import MujocoPlant
-from sidestep.validation.manoeuvres import Array, Manoeuvre
-from sidestep.validation.open_loop import drive
-from sidestep.validation.rating import rate
+from sidestep.plant_models.linear.plant import LinearPlant
+from sidestep.plant_models.mujoco.plant import MujocoPlant
+from sidestep.validation.loop.open_loop import drive
+from sidestep.validation.manoeuvres.catalogue import Array, Manoeuvre
+from sidestep.validation.manoeuvres.rating import rate
 
 
 @dataclass(frozen=True)

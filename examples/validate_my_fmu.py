@@ -2,9 +2,9 @@
 
 import sys
 
-from sidestep.fmu.build import build_fmu
-from sidestep.validation.envelope import envelope
-from sidestep.validation.prediction_models import MODELS
+from sidestep.fmu.native.build import build_fmu
+from sidestep.validation.model_error.envelope import envelope
+from sidestep.validation.model_error.prediction_models import MODELS
 
 
 def main() -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.plant_models.vehicle import VehicleParameters
+from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
 _NAMES = [f.name for f in fields(VehicleState)]
 _TIME, _X, _Y, _YAW, _V_X, _V_Y, _YAW_RATE, _STEER = range(8)

@@ -5,7 +5,7 @@ The same law is written in C in the single-track FMU; a plant that follows anoth
 
 from numba import njit
 
-from sidestep.plant_models.vehicle import VehicleParameters
+from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
 SPEED_GAIN = 2.0
 """Acceleration per speed error, in [1/s]."""

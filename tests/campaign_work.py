@@ -4,7 +4,7 @@ import os
 import time
 from pathlib import Path
 
-from sidestep.validation.campaign import Case, load_campaign
+from sidestep.validation.campaigns.campaign import Case, load_campaign
 
 
 def fake(case: Case) -> dict[str, object]:
@@ -26,6 +26,6 @@ def deadly(case: Case) -> dict[str, object]:
 
 def go_on(folder: str, file: str) -> None:
     """Run the campaign of FOLDER/spec.toml into FILE."""
-    from sidestep.validation.campaign_run import run_campaign
+    from sidestep.validation.campaigns.campaign_run import run_campaign
 
     run_campaign(load_campaign(Path(folder) / "spec.toml"), Path(file), 1, work=fake)

@@ -4,6 +4,7 @@ import os
 
 import pytest
 from fmu_files import foreign_fmu
+from frames import multicast_spec  # noqa: F401 (a fixture for all)
 
 
 @pytest.fixture(autouse=True, scope="session")

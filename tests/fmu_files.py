@@ -10,12 +10,12 @@ from pathlib import Path
 import fmpy
 import numpy as np
 
-from sidestep.fmu.archive import unpack
-from sidestep.fmu.build import build_fmu, source_files
-from sidestep.fmu.plants import MODELS
-from sidestep.fmu.platforms import compile_library
+from sidestep.fmu.importing.archive import unpack
+from sidestep.fmu.native.build import build_fmu, source_files
+from sidestep.fmu.native.plants import MODELS
+from sidestep.fmu.native.platforms import compile_library
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.plant_models.vehicle import VehicleParameters
+from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
 CAR = VehicleParameters.preset("bmw-320i")
 QUICK = ("-O0",)

@@ -7,7 +7,7 @@ import numpy as np
 
 from sidestep.controller import Plan
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
-from sidestep.validation.scenario import Scenario
+from sidestep.validation.scenarios.scenario import Scenario
 
 
 def straight_plan(state: VehicleState) -> Plan:

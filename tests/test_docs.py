@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from sidestep.controller import ControllerConfig
-from sidestep.controller.lattice import LAYERS
-from sidestep.controller.prediction import grid
-from sidestep.controller.qp import SLACKS
+from sidestep.controller.decision.lattice import LAYERS
+from sidestep.controller.mpc.prediction import grid
+from sidestep.controller.mpc.qp import SLACKS
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])

@@ -2,6 +2,6 @@
 
 import sys
 
-from sidestep.validation.cli import main
+from sidestep.validation.cli.main import main
 
 sys.exit(main())

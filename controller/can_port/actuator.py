@@ -15,9 +15,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from math import inf, isfinite
 
-from sidestep.controller.can_port.channel import Channel
-from sidestep.controller.can_port.database import ProtectedMessage
-from sidestep.controller.can_port.messages import (
+from sidestep.controller.can_port.bus.channel import Channel
+from sidestep.controller.can_port.codec.database import ProtectedMessage
+from sidestep.controller.can_port.codec.messages import (
     MAX_ANGLE,
     MAX_RATE_LIMIT,
     STEER_CMD,

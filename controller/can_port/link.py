@@ -9,12 +9,12 @@ from typing import Any, Protocol, Self
 
 import can
 
-from sidestep.controller.can_port.bus import Bus
-from sidestep.controller.can_port.database import Frame, Protection, messages
-from sidestep.controller.can_port.faults import FaultSpec, FaultyBus
-from sidestep.controller.can_port.log import open_log
+from sidestep.controller.can_port.bus.bus import Bus
+from sidestep.controller.can_port.bus.faults import FaultSpec, FaultyBus
+from sidestep.controller.can_port.bus.log import open_log
+from sidestep.controller.can_port.bus.pacing import Pacer
+from sidestep.controller.can_port.codec.database import Frame, Protection, messages
 from sidestep.controller.can_port.nodes import CYCLE, ControllerNode
-from sidestep.controller.can_port.pacing import Pacer
 
 
 class Link(Protocol):

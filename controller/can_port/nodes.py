@@ -11,11 +11,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from sidestep.controller.can_port.actuator import Actuator, ActuatorConfig
-from sidestep.controller.can_port.channel import Channel
-from sidestep.controller.can_port.database import Frame, ProtectedMessage, messages
-from sidestep.controller.can_port.e2e import ACCEPTED, CheckStatus, Receiver
-from sidestep.controller.can_port.e2e_state import E2EState
-from sidestep.controller.can_port.messages import (
+from sidestep.controller.can_port.bus.channel import Channel
+from sidestep.controller.can_port.codec.database import Frame, ProtectedMessage, messages
+from sidestep.controller.can_port.codec.messages import (
     CTRL_STATUS,
     MAX_RATE_LIMIT,
     STEER_CMD,
@@ -32,6 +30,8 @@ from sidestep.controller.can_port.messages import (
     encode_steer_status,
     encode_vehicle_state,
 )
+from sidestep.controller.can_port.protection.e2e import ACCEPTED, CheckStatus, Receiver
+from sidestep.controller.can_port.protection.e2e_state import E2EState
 from sidestep.controller.plan import Plan
 from sidestep.controller.steering import SteeringController
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState

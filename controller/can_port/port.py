@@ -8,16 +8,16 @@ from typing import Self
 
 import can
 
-from sidestep.controller.can_port.bus import Bus, resolve_spec
-from sidestep.controller.can_port.database import Protection, messages
-from sidestep.controller.can_port.e2e import ACCEPTED, CheckStatus, Receiver
-from sidestep.controller.can_port.log import open_log
-from sidestep.controller.can_port.messages import (
+from sidestep.controller.can_port.bus.bus import Bus, resolve_spec
+from sidestep.controller.can_port.bus.log import open_log
+from sidestep.controller.can_port.codec.database import Protection, messages
+from sidestep.controller.can_port.codec.messages import (
     MAX_RATE_LIMIT,
     STEER_CMD,
     decode_steer_command,
     encode_steer_command,
 )
+from sidestep.controller.can_port.protection.e2e import ACCEPTED, CheckStatus, Receiver
 from sidestep.plant_models.signals import SteeringCommand
 
 CYCLE = STEER_CMD.cycle

@@ -1,0 +1,1 @@
+"""Frames on a bus: buses, logs, channels, pacing and faults."""

@@ -1,0 +1,1 @@
+"""Messages and signals: the database, their coding, exports and other makers' formats."""

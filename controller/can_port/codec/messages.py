@@ -1,0 +1,305 @@
+"""What the frames mean: typed records to bytes and back, without any I/O.
+
+All of it works with every protection: hand over `message` from `database.messages(protection)`.
+
+Every `encode_*` returns a protected frame, saturates what is out of range and never raises on a number.
+Every `decode_*` takes a frame that an `e2e.Receiver` accepted and never raises either.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from math import isfinite, pi, remainder
+from typing import NamedTuple
+
+from sidestep.controller.can_port.codec.database import ProtectedMessage, messages
+from sidestep.controller.can_port.protection.e2e_state import E2EState
+from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
+
+STEER_CMD = messages()["STEER_CMD"]
+STEER_STATUS = messages()["STEER_STATUS"]
+VEH_DYN, VEH_POS, VEH_HEADING = (messages()[name] for name in ("VEH_DYN", "VEH_POS", "VEH_HEADING"))
+CTRL_STATUS = messages()["CTRL_STATUS"]
+
+VEHICLE_STATE = (VEH_DYN, VEH_POS, VEH_HEADING)
+"""The messages that together carry one sample of the vehicle's motion, in the order they are sent."""
+
+MAX_ANGLE = STEER_CMD.highest("SteerCmd_Angle")
+"""Largest steering angle that STEER_CMD can carry, in [rad]."""
+
+MAX_RATE_LIMIT = STEER_CMD.highest("SteerCmd_RateLimit")
+"""Largest steering rate limit that STEER_CMD can carry, in [rad/s]."""
+
+_STATUSES = tuple(Status)  # faster than Status(number); two bits, four names
+
+
+class SteerMode(IntEnum):
+    """Mode of the controller (value table of SteerCmd_Mode); an unknown number is a fault."""
+
+    OFF = 0
+    STANDBY = 1
+    ANGLE = 2
+    FAULT = 7
+
+    @classmethod
+    def _missing_(cls, value: object) -> "SteerMode":
+        return cls.FAULT
+
+
+class ActuatorState(IntEnum):
+    """State of the steering actuator (value table of SteerStatus_State); an unknown number is a fault."""
+
+    INIT = 0
+    STANDBY = 1
+    ACTIVE = 2
+    HOLD = 3
+    RAMP_TO_ZERO = 4
+    FAULT = 5
+
+    @classmethod
+    def _missing_(cls, value: object) -> "ActuatorState":
+        return cls.FAULT
+
+
+class QpStatus(IntEnum):
+    """Outcome of a quadratic programme (value table of CtrlStatus_QpStatus); an unknown number is a failure."""
+
+    SOLVED = 0
+    MAX_ITERATIONS = 1
+    PRIMAL_INFEASIBLE = 2
+    DUAL_INFEASIBLE = 3
+    NUMERICS = 4
+    NOT_RUN = 5
+
+    @classmethod
+    def _missing_(cls, value: object) -> "QpStatus":
+        return cls.NUMERICS
+
+
+class SteerFrame(NamedTuple):
+    """A decoded STEER_CMD.
+
+    Attributes:
+        command: The command; its angle is 0 unless enabled.
+        enable: Whether the steering may follow the angle.
+        rate_limit: Largest road-wheel rate the controller reckons with, in [rad/s].
+        plausible: Whether `encode_steer_command` can have made it.
+    """
+
+    command: SteeringCommand
+    enable: bool
+    rate_limit: float
+    plausible: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class SteerStatus:
+    """What the steering actuator reports.
+
+    Attributes:
+        state: State of the actuator.
+        angle: Realised road-wheel angle, in [rad].
+        rate: Realised road-wheel rate, in [rad/s].
+        e2e_state: State of the protection of the received command.
+        lost: Commands lost since start.
+    """
+
+    state: ActuatorState
+    angle: float
+    rate: float
+    e2e_state: E2EState
+    lost: int
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerStatus:
+    """What the controller reports about its last step.
+
+    Attributes:
+        qp_status: Outcome of the quadratic programme.
+        status: How far the command can be trusted.
+        mode: Mode of the controller.
+        solve_time: Time of the whole step, in [s].
+        slack: Largest corridor slack, in [m].
+        iterations: Iterations of the solver.
+    """
+
+    qp_status: QpStatus
+    status: Status
+    mode: SteerMode
+    solve_time: float
+    slack: float
+    iterations: int
+
+
+def encode_steer_command(
+    command: SteeringCommand,
+    counter: int,
+    enable: bool = True,
+    rate_limit: float = MAX_RATE_LIMIT,
+    message: ProtectedMessage = STEER_CMD,
+) -> bytes:
+    """STEER_CMD frame of a command.
+
+    Args:
+        command: What to send; if a number in it is not finite the frame says enable = 0, angle 0, FAULT.
+        counter: Alive counter.
+        enable: Whether the steering may follow the angle; if not, the angle goes out as 0.
+        rate_limit: Largest road-wheel rate the controller reckons with, in [rad/s].
+        message: STEER_CMD in the protection to use.
+    """
+    return message.encode(
+        {
+            "SteerCmd_Mode": SteerMode.ANGLE if enable else SteerMode.STANDBY,
+            "SteerCmd_Enable": enable,
+            "SteerCmd_Angle": command.steer_angle if enable else 0.0,
+            "SteerCmd_RateLimit": rate_limit,
+            "SteerCmd_TargetSpeed": command.target_speed,
+            "SteerCmd_Status": command.status,
+        },
+        counter,
+    )
+
+
+def decode_steer_command(data: bytes | bytearray, time: float, message: ProtectedMessage = STEER_CMD) -> SteerFrame:
+    """Command of a STEER_CMD frame.
+
+    A frame whose mode is not ANGLE, or whose angle lies outside its range, counts as not enabled. It is implausible
+    if mode and enable contradict each other, or if an angle is given that is out of range or not enabled.
+
+    Args:
+        data: Checked frame.
+        time: Time of reception, in [s].
+        message: STEER_CMD in the protection in use.
+    """
+    values = message.decode(data)
+    angle = values["SteerCmd_Angle"]
+    asked, ready = values["SteerCmd_Enable"] == 1, values["SteerCmd_Mode"] == SteerMode.ANGLE
+    enable = asked and ready and abs(angle) <= MAX_ANGLE
+    plausible = enable or (angle == 0.0 and not asked and not ready)
+    status = _STATUSES[int(values["SteerCmd_Status"])]
+    command = SteeringCommand(time, angle if enable else 0.0, values["SteerCmd_TargetSpeed"], status)
+    return SteerFrame(command, enable, values["SteerCmd_RateLimit"], plausible)
+
+
+def encode_vehicle_state(
+    state: VehicleState,
+    lateral_acceleration: float,
+    counter: int,
+    valid: bool = True,
+    sample: Sequence[ProtectedMessage] = VEHICLE_STATE,
+) -> list[bytes]:
+    """Frames of one sample, in the order of `VEHICLE_STATE`.
+
+    The heading goes out wrapped to one turn; the steering angle is STEER_STATUS's.
+
+    Args:
+        state: What to send; a frame with a number in it that is not finite says valid = 0.
+        lateral_acceleration: At the centre of gravity, in [m/s^2].
+        counter: Alive counter, the same in all three frames: it ties them together.
+        valid: Whether the state is to be used.
+        sample: `VEHICLE_STATE` in the protection to use.
+    """
+    values = (
+        {
+            "VehDyn_Valid": valid,
+            "VehDyn_Speed": state.v_x,
+            "VehDyn_YawRate": state.yaw_rate,
+            "VehDyn_AccLat": lateral_acceleration,
+        },
+        {"VehPos_Valid": valid, "VehPos_X": state.x, "VehPos_Y": state.y},
+        {"VehHeading_Valid": valid, "VehHeading_Yaw": _wrap(state.yaw), "VehHeading_SpeedLat": state.v_y},
+    )
+    return [message.encode(of_message, counter) for message, of_message in zip(sample, values, strict=True)]
+
+
+def decode_vehicle_state(
+    frames: Sequence[bytes | bytearray],
+    time: float,
+    steer_angle: float = 0.0,
+    near_yaw: float = 0.0,
+    sample: Sequence[ProtectedMessage] = VEHICLE_STATE,
+) -> VehicleState | None:
+    """State of one sample; None if a frame says that it is not valid.
+
+    Args:
+        frames: Checked frames with the same counter, in the order of `VEHICLE_STATE`.
+        time: Time of reception, in [s].
+        steer_angle: Realised road-wheel angle from STEER_STATUS, in [rad].
+        near_yaw: A heading less than half a turn away, such as the last one, in [rad]; it undoes the wrapping.
+        sample: `VEHICLE_STATE` in the protection in use.
+    """
+    values: dict[str, float] = {}
+    for message, data in zip(sample, frames, strict=True):
+        values |= message.decode(data)
+    if not (values["VehDyn_Valid"] and values["VehPos_Valid"] and values["VehHeading_Valid"]):
+        return None
+    return VehicleState(
+        time=time,
+        x=values["VehPos_X"],
+        y=values["VehPos_Y"],
+        yaw=near_yaw + _wrap(values["VehHeading_Yaw"] - near_yaw),
+        v_x=values["VehDyn_Speed"],
+        v_y=values["VehHeading_SpeedLat"],
+        yaw_rate=values["VehDyn_YawRate"],
+        steer_angle=steer_angle,
+    )
+
+
+def encode_steer_status(status: SteerStatus, counter: int, message: ProtectedMessage = STEER_STATUS) -> bytes:
+    """STEER_STATUS frame."""
+    return message.encode(
+        {
+            "SteerStatus_State": status.state,
+            "SteerStatus_Angle": status.angle,
+            "SteerStatus_Rate": status.rate,
+            "SteerStatus_E2EState": status.e2e_state,
+            "SteerStatus_LostCount": status.lost,
+        },
+        counter,
+    )
+
+
+def decode_steer_status(data: bytes | bytearray, message: ProtectedMessage = STEER_STATUS) -> SteerStatus:
+    """Record of a checked STEER_STATUS frame."""
+    values = message.decode(data)
+    return SteerStatus(
+        state=ActuatorState(int(values["SteerStatus_State"])),
+        angle=values["SteerStatus_Angle"],
+        rate=values["SteerStatus_Rate"],
+        e2e_state=E2EState(int(values["SteerStatus_E2EState"])),
+        lost=int(values["SteerStatus_LostCount"]),
+    )
+
+
+def encode_controller_status(status: ControllerStatus, counter: int, message: ProtectedMessage = CTRL_STATUS) -> bytes:
+    """CTRL_STATUS frame."""
+    return message.encode(
+        {
+            "CtrlStatus_QpStatus": status.qp_status,
+            "CtrlStatus_Status": status.status,
+            "CtrlStatus_Mode": status.mode,
+            "CtrlStatus_SolveTime": status.solve_time,
+            "CtrlStatus_Slack": status.slack,
+            "CtrlStatus_Iterations": status.iterations,
+        },
+        counter,
+    )
+
+
+def decode_controller_status(data: bytes | bytearray, message: ProtectedMessage = CTRL_STATUS) -> ControllerStatus:
+    """Record of a checked CTRL_STATUS frame."""
+    values = message.decode(data)
+    return ControllerStatus(
+        qp_status=QpStatus(int(values["CtrlStatus_QpStatus"])),
+        status=Status(int(values["CtrlStatus_Status"])),
+        mode=SteerMode(int(values["CtrlStatus_Mode"])),
+        solve_time=values["CtrlStatus_SolveTime"],
+        slack=values["CtrlStatus_Slack"],
+        iterations=int(values["CtrlStatus_Iterations"]),
+    )
+
+
+def _wrap(angle: float) -> float:
+    """The same direction within half a turn, in [rad]; what is not finite stays so."""
+    return remainder(angle, 2.0 * pi) if isfinite(angle) else angle

@@ -1,0 +1,111 @@
+"""How the body rolls, and what the tyres feel of it.
+
+The springs let the body lean out of a turn, about an axis on the ground: the wheels then move sideways under the
+centre of gravity, which changes every slip angle, and load goes to the outer wheels, which costs force. Roll is
+no state of the prediction: it follows, as a linear oscillator, from the lateral acceleration of the last plan.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
+
+ROLL_STEP = 0.01
+"""Step of the oscillator, in [s]."""
+
+
+class Body(NamedTuple):
+    """Oscillator der(rate) = gain a_y - stiffness angle - damping rate, and load moved per angle and rate of an axle.
+
+    Attributes:
+        height: Of the centre of gravity over the roll axis, in [m]; 0 if nothing rolls.
+        gain, stiffness, damping: In [rad/m], [1/s^2], [1/s].
+        front, rear: Load that goes from the inner to the outer wheel, in [N/rad] and [N s/rad].
+    """
+
+    height: float = 0.0
+    gain: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.0
+    front: tuple[float, float] = (0.0, 0.0)
+    rear: tuple[float, float] = (0.0, 0.0)
+
+    @classmethod
+    def of(cls, vehicle: VehicleParameters) -> "Body":
+        """The body of a vehicle with suspension data; springs and tyres act in series.
+
+        Raises:
+            InputError: No suspension data, or springs too soft to hold the car upright.
+        """
+        data = vehicle.suspension
+        if data is None:
+            raise InputError("controller.body_roll", f"{vehicle.name} has no suspension data", "[suspension]")
+        height, axles, stiffness, damping, inertia = vehicle.cg_height, [], 0.0, 0.0, data.roll_inertia
+        for axle in ("front", "rear"):
+            track, (springs, dampers) = getattr(data, f"track_{axle}"), data.roll_of_axle(axle)
+            tyres = 0.5 * data.tyre_stiffness * track**2
+            part = tyres / (springs + tyres)  # of roll that the suspension takes
+            held, damped = springs * part, dampers * part**2
+            axles.append((held / track, damped / track))
+            stiffness, damping = stiffness + held, damping + damped
+            inertia += 0.25 * getattr(data, f"unsprung_mass_{axle}") * track**2
+        upright = stiffness - vehicle.mass * GRAVITY * height
+        if upright <= 0.0:
+            raise InputError("vehicle.suspension", f"roll stiffness {stiffness:.0f} N m/rad of springs and tyres",
+                             f"> {stiffness - upright:.0f}, the moment of the car's weight")  # fmt: skip
+        return cls(height, vehicle.mass * height / inertia, upright / inertia, damping / inertia, *axles)
+
+
+@njit(cache=True, nogil=True)
+def advance_roll(angle, rate, lateral, dt, body):
+    """Roll angle [rad, to the right] and rate [rad/s] after `dt` [s] of lateral acceleration `lateral` [m/s^2]."""
+    steps = math.ceil(dt / ROLL_STEP)
+    for _ in range(steps):
+        h = dt / steps
+        rate += h * (body.gain * lateral - body.stiffness * angle)
+        rate /= 1.0 + h * body.damping
+        angle += h * rate
+    return angle, rate
+
+
+@njit(cache=True, nogil=True)
+def felt(angle, rate, body):
+    """What the tyres feel.
+
+    Returns:
+        Lateral velocity of the road's point under the centre of gravity against it [m/s], load moved between the
+        front and between the rear wheels [N].
+    """
+    front = body.front[0] * angle + body.front[1] * rate
+    return body.height * rate, front, body.rear[0] * angle + body.rear[1] * rate
+
+
+@njit(cache=True, nogil=True)
+def roll_ahead(angle, rate, times, states, speed, body):
+    """Roll along a prediction.
+
+    Args:
+        angle, rate: Now, in [rad] and [rad/s].
+        times, states: Shapes (K,), in [s], and (K, 6), see `prediction`.
+        speed: v > 0, in [m/s].
+        body: Body.
+
+    Returns:
+        Angle and rate, shape (K, 2).
+    """
+    roll = np.empty((times.shape[0], 2))
+    roll[0] = angle, rate
+    for k in range(1, times.shape[0]):
+        lateral = lateral_acceleration(states[k - 1], states[k], speed, times[k] - times[k - 1])
+        roll[k] = advance_roll(roll[k - 1, 0], roll[k - 1, 1], lateral, times[k] - times[k - 1], body)
+    return roll
+
+
+@njit(cache=True, nogil=True)
+def lateral_acceleration(before, now, speed, dt):
+    """Mean lateral acceleration [m/s^2] between two states of `prediction`, shape (6,), `dt` [s] apart."""
+    return speed * ((now[2] - before[2]) / dt + 0.5 * (now[3] + before[3]))

@@ -1,0 +1,1 @@
+"""What an FMU says of itself: variables, model description, icon, documentation, expected output."""

@@ -1,0 +1,1 @@
+"""FMUs of the controller, their descriptions, and systems of several."""

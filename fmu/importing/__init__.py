@@ -1,0 +1,1 @@
+"""Other people's FMUs: reading, loading, mapping, checking and driving them."""

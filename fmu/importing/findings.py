@@ -1,0 +1,100 @@
+"""What is wrong with an FMU: our verdict, and those of fmpy and fmutool."""
+
+import importlib.util
+import math
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+from fmpy.validation import validate_fmu
+
+from sidestep.fmu.importing.archive import UnpackedFmu, unpack
+from sidestep.fmu.importing.instance import FmuInstance
+from sidestep.fmu.importing.isolation import call_isolated
+from sidestep.plant_models.errors import InputError, PlantError
+
+TIME_LIMIT = 60.0
+"""For loading an FMU and one step of it, in [s]."""
+
+_CAPABILITIES = {
+    "canGetAndSetFMUstate": (("fmi2GetFMUstate", "fmi2SetFMUstate"), ("fmi3GetFMUState", "fmi3SetFMUState")),
+    "canSerializeFMUstate": (("fmi2SerializeFMUstate",), ("fmi3SerializeFMUState",)),
+    "providesDirectionalDerivative": (("fmi2GetDirectionalDerivative",), ("fmi3GetDirectionalDerivative",)),
+}
+
+
+def check_fmu(path: Path) -> list[tuple[str, str]]:
+    """Inspect an FMU and run it for one step, in a process of its own.
+
+    Returns:
+        Who found it (sidestep, fmpy or fmutool) and what; empty if there is nothing.
+    """
+    try:
+        fmu = unpack(path)
+    except InputError as error:
+        return [("sidestep", f"{error.problem}" + (f"; allowed: {error.allowed}" if error.allowed else ""))]
+    try:
+        found = [("sidestep", finding) for finding in (*_described(fmu), *_run(path))]
+    finally:
+        shutil.rmtree(fmu.folder, ignore_errors=True)
+    return found + [("fmpy", finding) for finding in _fmpy(path)] + [("fmutool", finding) for finding in _fmutool(path)]
+
+
+def _described(fmu: UnpackedFmu) -> Iterator[str]:
+    names = {variable.causality for variable in fmu.variables.values()}
+    for causality in ("input", "output"):
+        if causality not in names:
+            yield f"it has no {causality}: nothing can be connected"
+    if not fmu.interface.canHandleVariableCommunicationStepSize and not fmu.fixed_step:
+        yield "it has a fixed step but does not say which"
+
+
+def _run(path: Path) -> list[str]:
+    try:
+        return call_isolated(partial(_one_step, path), TIME_LIMIT)
+    except (InputError, PlantError) as error:
+        return [str(error)]
+
+
+def _one_step(path: Path) -> list[str]:
+    fmu = FmuInstance(path)
+    found = [f"it says {flag}, but its binary lacks {name}" for flag, name in _missing(fmu)]
+    try:
+        variables = [v for v in fmu.variables.values() if v.causality == "output" and v.type in ("Real", "Float64")]
+        outputs = fmu.port([variable.name for variable in variables])
+        fmu.start(0.0, {})
+        fmu.get(outputs)
+        fmu.step(0.0, fmu.fixed_step or 0.01)
+        fmu.get(outputs)
+        values = zip(outputs.names, outputs.values, strict=True)
+        return found + [f"output {name} is {v} after the first step" for name, v in values if not math.isfinite(v)]
+    except (PlantError, InputError) as error:
+        return [*found, str(error)]
+    finally:
+        fmu.close()
+
+
+def _missing(fmu: FmuInstance) -> Iterator[tuple[str, str]]:
+    for flag, functions in _CAPABILITIES.items():
+        if getattr(fmu.interface, flag):
+            yield from ((flag, name) for name in functions[0 if fmu.is_fmi2 else 1] if not fmu.has_function(name))
+
+
+def _fmpy(path: Path) -> list[str]:
+    try:
+        return [" ".join(str(problem).split()) for problem in validate_fmu(str(path))]
+    except Exception as error:  # fmpy raises bare Exception
+        return [str(error)]
+
+
+def _fmutool(path: Path) -> list[str]:
+    if importlib.util.find_spec("fmu_manipulation_toolbox") is None:
+        return []
+    code = "from fmu_manipulation_toolbox.cli.fmutool import fmutool; fmutool()"
+    command = [sys.executable, "-c", code, "-input", str(path), "-check"]
+    result = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
+    lines = (result.stdout + result.stderr).splitlines()
+    return [line.partition("|")[2].strip() for line in lines if line.startswith(("ERROR", "WARNING", "CRITICAL"))]

@@ -1,0 +1,292 @@
+"""One loaded co-simulation FMU, FMI 2.0 and FMI 3.0 alike, with as few Python operations a step as can be.
+
+Life cycle: construct (unpack, load) -> start -> any number of set, step, get -> start again ... -> close.
+"""
+
+import ctypes
+import math
+import shutil
+import weakref
+from collections import deque
+from collections.abc import Iterable
+from contextlib import ExitStack, suppress
+from pathlib import Path
+
+from fmpy.fmi1 import FMICallException
+from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi3 import FMU3Slave
+
+from sidestep.fmu.importing.archive import unpack
+from sidestep.fmu.importing.loading import fmi2_callbacks, load_binary
+from sidestep.plant_models.errors import InputError, PlantError
+
+_DOUBLES = ("Real", "Float64")
+_STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
+_WARNING, _DISCARD, _FATAL = 1, 2, 4
+_LAST_SUCCESSFUL_TIME = 2
+SMALLEST_PART = 2**-10
+"""Part of a communication step below which a step that is discarded again and again is given up."""
+
+
+class Port:
+    """Variables that are always set or read together, with the buffer of their values.
+
+    Attributes:
+        names: The variables.
+        values: Their values, in the FMU's units; a ctypes array of doubles.
+    """
+
+    def __init__(self, names: list[str], references: list[int], is_fmi2: bool):
+        self.names = names
+        self.values = (ctypes.c_double * len(names))()
+        size = ctypes.c_size_t(len(names))
+        arguments = ((ctypes.c_uint32 * len(names))(*references), size, self.values)
+        self.arguments = arguments if is_fmi2 else (*arguments, size)
+
+
+class FmuInstance:
+    """An FMU that can be started, stepped and started again.
+
+    Attributes:
+        path: The .fmu file.
+        variables: fmpy's description of its variables, by name.
+        fixed_step: Step that every communication step must be a multiple of, in [s]; 0 if any will do.
+        interface: fmpy's description of its co-simulation interface.
+        is_fmi2: FMI 2.0, else FMI 3.0.
+    """
+
+    def __init__(self, path: str | Path):
+        """Unpack and load the FMU.
+
+        Raises:
+            InputError: It cannot be used on this machine.
+        """
+        self.path = Path(path)
+        with ExitStack() as resources:
+            unpacked = unpack(self.path)
+            resources.callback(shutil.rmtree, unpacked.folder, ignore_errors=True)
+            self.variables, self.is_fmi2 = unpacked.variables, unpacked.is_fmi2
+            self.fixed_step, self.interface = unpacked.fixed_step, unpacked.interface
+            self._slave = load_binary(self.path, unpacked)
+            resources.callback(self._slave.freeLibrary)
+            resources.callback(_end, self._slave)
+            self._release = weakref.finalize(self, resources.pop_all().close)
+        self._bind()
+        self._messages: deque[str] = deque(maxlen=3)
+        self._handle: ctypes.c_void_p | None = None
+        self._time = 0.0
+
+    def port(self, names: list[str]) -> Port:
+        """Value references and a buffer for these variables.
+
+        Raises:
+            InputError: No such variable, or one that is not a double.
+        """
+        for name in names:
+            if self._type(name) not in _DOUBLES:
+                raise InputError(str(self.path), f"{name!r} is of type {self._type(name)}", ", ".join(_DOUBLES))
+        return Port(names, [self.variables[name].valueReference for name in names], self.is_fmi2)
+
+    def check_known(self, names: Iterable[str]) -> None:
+        """Whether these are names of its variables, of any type.
+
+        Raises:
+            InputError: One is not.
+        """
+        for name in names:
+            self._type(name)
+
+    def start(self, time: float, values: dict[str, float]) -> None:
+        """A new instance at `time` [s] with these start values; a former one is freed.
+
+        Raises:
+            InputError: A name is not one of its variables, or a value does not fit its type.
+            PlantError: The FMU refuses.
+        """
+        others = {name: value for name, value in values.items() if self._type(name) not in _DOUBLES}
+        doubles = {name: value for name, value in values.items() if name not in others}
+        port = self.port(list(doubles))
+        port.values[:] = list(doubles.values())
+        self._handle = None
+        _end(self._slave)
+        self._time = time
+        self._instantiate()
+        slave = self._slave
+        try:
+            if isinstance(slave, FMU2Slave):
+                slave.setupExperiment(startTime=time)
+            self.set(port)
+            self._set_others(others)
+            if isinstance(slave, FMU2Slave):
+                slave.enterInitializationMode()
+            else:
+                slave.enterInitializationMode(startTime=time)
+            slave.exitInitializationMode()
+        except FMICallException as error:
+            raise self._failure(error.function, error.status) from error
+
+    def _type(self, name: str) -> str:
+        if name not in self.variables:
+            raise InputError(str(self.path), f"no variable {name!r} in it", ", ".join(list(self.variables)[:40]))
+        return str(self.variables[name].type)
+
+    def _set_others(self, values: dict[str, float]) -> None:
+        for name, value in values.items():
+            kind = self._type(name)
+            if kind == "Enumeration":
+                kind = "Integer" if self.is_fmi2 else "Int64"
+            if kind != "Float32" and value != int(value):
+                raise InputError(str(self.path), f"{name!r} of type {kind} cannot be {value}", "a whole number")
+            number = value if kind == "Float32" else bool(value) if kind == "Boolean" else int(value)
+            getattr(self._slave, f"set{kind}")([self.variables[name].valueReference], [number])
+
+    def set(self, port: Port) -> None:
+        """Hand the port's buffer to the FMU.
+
+        Raises:
+            PlantError: The FMU refuses.
+        """
+        status = self._set(self._handle, *port.arguments)
+        if status > _WARNING:
+            raise self._failure(self._names[0], status)
+
+    def get(self, port: Port) -> None:
+        """Fill the port's buffer.
+
+        Raises:
+            PlantError: The FMU refuses.
+        """
+        status = self._get(self._handle, *port.arguments)
+        if status > _WARNING:
+            raise self._failure(self._names[1], status)
+
+    def step(self, time: float, duration: float) -> None:
+        """From `time` on for `duration`, in [s]; what the FMU discards is tried again in halves.
+
+        Raises:
+            PlantError: The FMU cannot.
+            InputError: It only makes steps of another size.
+        """
+        if self.fixed_step:
+            self._step_in_parts(time, duration, self._parts(duration))
+        else:
+            self._step(time, duration)
+
+    def _parts(self, duration: float) -> int:
+        parts = round(duration / self.fixed_step)
+        if parts < 1 or not math.isclose(parts * self.fixed_step, duration, rel_tol=1e-6):
+            problem = f"a step of {duration:g} s: this FMU only steps by {self.fixed_step:g} s"
+            raise InputError(str(self.path), problem, f"multiples of {self.fixed_step:g} s (see controller.period)")
+        return parts
+
+    def _step_in_parts(self, time: float, duration: float, parts: int) -> None:
+        for part in range(parts):
+            self._step(time + part * duration / parts, duration / parts)
+
+    def _step(self, time: float, duration: float) -> None:
+        done, size = 0.0, duration
+        while True:
+            can_retry = not self.fixed_step and size > duration * SMALLEST_PART
+            reached = self._advance(time + done, size, can_retry)
+            done += reached
+            if done >= duration * (1.0 - 1e-9):
+                return
+            if reached < size:
+                size *= 0.5
+            size = min(size, duration - done)
+
+    def _advance(self, start: float, size: float, can_retry: bool) -> float:
+        """One call of doStep; how far it came, in [s]."""
+        self._time = self._start.value = start
+        self._size.value = size
+        status = self._do_step(self._handle, *self._step_arguments)
+        if status > _WARNING and not (status == _DISCARD and can_retry):
+            raise self._failure(self._names[2], status)
+        if self._ended:
+            raise PlantError(f"{self.path.name}: the FMU ended the simulation in the step from t = {start:.6g} s")
+        return self._reached(start, size) if status == _DISCARD or self._early else size
+
+    def _reached(self, start: float, size: float) -> float:
+        """How far the step from `start` came that was discarded or that the FMU returned from early, in [s]."""
+        if self.is_fmi2:
+            query = getattr(self._slave.dll.library, "fmi2GetRealStatus", None)
+            if query is None or query(self._handle, _LAST_SUCCESSFUL_TIME, ctypes.byref(self._last_time)) > _WARNING:
+                return 0.0
+        time = self._last_time.value
+        return min(max(time - start, 0.0), size) if math.isfinite(time) else 0.0
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it has been started and not failed since."""
+        return self._handle is not None
+
+    def has_function(self, name: str) -> bool:
+        """Whether its binary exports this function of the standard."""
+        return hasattr(self._slave.dll.library, name)
+
+    def close(self) -> None:
+        """Free the instance, unload the library, remove what was unpacked; a second time does nothing."""
+        self._handle = None
+        self._release()
+
+    def _bind(self) -> None:
+        """Fresh function objects without argument conversion: all arguments are ctypes values already."""
+        library = self._slave.dll.library
+        if self.is_fmi2:
+            self._names = ("fmi2SetReal", "fmi2GetReal", "fmi2DoStep")
+        else:
+            self._names = ("fmi3SetFloat64", "fmi3GetFloat64", "fmi3DoStep")
+        self._set, self._get, self._do_step = (library[name] for name in self._names)
+        self._start, self._size, self._last_time = ctypes.c_double(), ctypes.c_double(), ctypes.c_double()
+        self._ended, self._early = ctypes.c_bool(), ctypes.c_bool()
+        answers = (ctypes.c_bool(), self._ended, self._early, self._last_time)
+        how = (ctypes.c_int(1),) if self.is_fmi2 else (ctypes.c_bool(True), *map(ctypes.pointer, answers))
+        self._step_arguments = (self._start, self._size, *how)
+
+    def _instantiate(self) -> None:
+        messages = self._messages
+        messages.clear()
+
+        def log(environment: object, status: int, category: bytes, message: bytes) -> None:
+            messages.append(message.decode(errors="replace"))
+
+        try:
+            if isinstance(self._slave, FMU2Slave):
+                self._slave.instantiate(callbacks=fmi2_callbacks(messages))
+            else:
+                self._slave.instantiate(logMessage=log, earlyReturnAllowed=True)
+        except Exception as error:  # fmpy raises bare Exception when the FMU returns a null pointer
+            raise PlantError(f"{self.path.name}: {error}{self._said()}") from error
+        self._handle = ctypes.c_void_p(self._slave.component)  # pyright: ignore[reportArgumentType] (an int, in truth)
+
+    def _failure(self, function: str, status: int) -> PlantError:
+        """The error for a failed call; the instance is freed, unless the FMU forbids every further call."""
+        label = _STATUS[status] if 0 <= status < len(_STATUS) else "unknown"
+        where = f"at t = {self._time:.6g} s"
+        error = PlantError(f"{self.path.name}: {function} failed {where}: status {status} ({label}){self._said()}")
+        self._handle = None
+        _free(self._slave, may_call=status != _FATAL)
+        return error
+
+    def _said(self) -> str:
+        return "".join(f"; {message}" for message in self._messages)
+
+
+def _end(slave: FMU2Slave | FMU3Slave) -> None:
+    """Terminate and free the instance, if there is one."""
+    if slave.component:
+        with suppress(FMICallException, PlantError):
+            slave.terminate()
+    _free(slave)
+
+
+def _free(slave: FMU2Slave | FMU3Slave, may_call: bool = True) -> None:
+    """Forget the instance, if there is one, and free it; the library stays."""
+    component = slave.component
+    slave.component = None  # pyright: ignore[reportAttributeAccessIssue] (as fmpy itself begins)
+    if not (component and may_call):
+        return
+    if isinstance(slave, FMU2Slave):
+        slave.fmi2FreeInstance(component)
+    else:
+        slave.fmi3FreeInstance(component)

@@ -1,0 +1,1 @@
+"""FMUs from C sources, built for this platform and others."""

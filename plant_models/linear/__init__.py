@@ -1,0 +1,1 @@
+"""The paper's linear bicycle, and a plant made of it."""

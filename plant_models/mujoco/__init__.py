@@ -1,0 +1,1 @@
+"""A multibody car in MuJoCo, on contact tyres."""

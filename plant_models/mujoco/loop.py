@@ -1,0 +1,173 @@
+"""The time loop of the MuJoCo car, with its actuators and the state it reports, as kernels.
+
+Between `mj_step1` (positions, velocities, contacts) and `mj_step2` (forces, motion) the tyres, the speed
+control and the steering act. MuJoCo's own two C functions are linked by name, so that a whole control
+period is one compiled call that holds no lock and can be cached.
+"""
+
+import ctypes
+import math
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding as llvm
+import mujoco
+import numpy as np
+from numba import config, njit, types
+
+from sidestep.plant_models.linear.plant import steered
+from sidestep.plant_models.speed_control import limited_acceleration
+from sidestep.plant_models.tyres.contact import PATCH, dot, tyres
+
+_GRIP_USED = 0.9  # share of the peak that drive and brakes ask for
+_SLIP_RELEASE = 0.2  # slip at which drive and brakes let go (anti-lock)
+_HOLD_SPEED, _HOLD_TARGET = 0.1, 0.05  # brakes hold the car below the one when the other is asked, [m/s]
+_ABSURD = 1e5  # no joint moves that fast, [m/s] or [rad/s]
+
+_FOLDER = Path(mujoco.__file__).parent
+_LIBRARY = str(next(file for pattern in ("libmujoco*", "mujoco.dll") for file in _FOLDER.glob(pattern)))
+_CLOCK = ctypes.c_void_p.in_dll(ctypes.CDLL(_LIBRARY), "mjcb_time")
+
+
+def _native(name: str) -> Any:
+    """MuJoCo's C function of (mjModel*, mjData*), as compiled or, without numba, as plain Python calls it."""
+    if config.DISABLE_JIT:  # pyright: ignore[reportAttributeAccessIssue]  (numba fills config at run time)
+        function = getattr(ctypes.CDLL(_LIBRARY), name)
+        function.argtypes, function.restype = [ctypes.c_void_p, ctypes.c_void_p], None
+        return function
+    llvm.load_library_permanently(_LIBRARY)
+    return types.ExternalFunction(name, types.void(types.intp, types.intp))
+
+
+_mj_step1, _mj_step2 = _native("mj_step1"), _native("mj_step2")
+
+
+def stop_the_clock() -> None:
+    """Keep MuJoCo from reading the clock in its steps, in the whole process.
+
+    It does so 32 times a step for the profile in `MjData.timer`, which takes a tenth of the step.
+    """
+    _CLOCK.value = None
+
+
+@njit(cache=True, nogil=True)
+def ackermann(angle, offset):
+    """Angle of a wheel whose kingpin is `offset` wheelbases left of the axle's middle, in [rad]."""
+    return math.atan2(math.sin(angle), math.cos(angle) - offset * math.sin(angle))
+
+
+@njit(cache=True, nogil=True)
+def _wheel_torques(dt, car, state, qvel, ctrl):
+    """Speed hold: drive on the rear axle, brakes on all wheels by their load, both within the grip."""
+    target, speed = state["target_speed"], state["planar"][3]
+    demand = limited_acceleration(speed, target, car["max_braking"], car["max_acceleration"])
+    if target < _HOLD_TARGET and abs(speed) < _HOLD_SPEED:
+        demand = -car["max_braking"]
+    force = demand * (car["mass"] + 4.0 * car["spin_inertia"] / car["wheel_radius"] ** 2)
+    yaw = state["planar"][2]  # what pulls the car downhill is no business of the speed control
+    force -= car["mass"] * (car["gravity"][0] * math.cos(yaw) + car["gravity"][1] * math.sin(yaw))
+    total = max(state["load"].sum(), 1.0)
+    for i in range(4):
+        load, arm, fx, fy = state["load"][i], state["arm"][i], state["shear"][i, 0], state["shear"][i, 1]
+        grip = (_GRIP_USED * car["tyre"][0]["p_dx1"] * state["friction"][i] * load) ** 2 - fy**2
+        if abs(state["slip"][i, 0]) > _SLIP_RELEASE:
+            grip = 0.0
+        grip = math.sqrt(max(grip, 0.0))
+        if force >= 0.0:
+            ctrl[2 + i] = min(0.5 * force, grip) * arm if i >= 2 else 0.0
+            continue
+        # Dry friction: never more than what stops the wheel within this step.
+        stop = fx * arm - car["spin_inertia"] * qvel[car["spin"][i]] / dt
+        limit = min(-force * load / total, grip) * arm
+        ctrl[2 + i] = min(max(stop, -limit), limit)
+
+
+@njit(cache=True, nogil=True)
+def _steer(dt, car, state, ctrl):
+    """Advance the steering actuator and lead the servos so that the hinges follow it without a lag."""
+    before = state["steer_angle"]
+    angle = steered(before, state["steer_command"], dt, car["steer_time_constant"], car["steer_rate_limit"])
+    state["steer_angle"] = angle
+    offset = car["steer_offset"]
+    for i in range(2):
+        now = ackermann(before, offset)  # where the hinge is; it then arrives with the actuator
+        ctrl[i] = now + car["steer_lead"] * (ackermann(angle, offset) - now) / dt
+        offset = -offset
+
+
+@njit(cache=True, nogil=True)
+def observe(cars, states, qpos, qvel):
+    """Write the planar state of the total centre of gravity to `planar` of the state.
+
+    From the coordinates themselves: MuJoCo's derived quantities are one step old after a step.
+    """
+    car, planar = cars[0], states[0]["planar"]
+    w, x, y, z = qpos[3], qpos[4], qpos[5], qpos[6]
+    row_x = (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y))
+    row_y = (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x))
+    height = climb = 0.0  # of the centre of gravity in the chassis frame, by suspension travel
+    for i in range(4):
+        height += car["unsprung"][i] * qpos[car["slide"][i, 0]] / car["mass"]
+        climb += car["unsprung"][i] * qvel[car["slide"][i, 1]] / car["mass"]
+    relative = (height * qvel[4], -height * qvel[3], climb)
+    v_x, v_y = qvel[0] + dot(row_x, relative), qvel[1] + dot(row_y, relative)
+    yaw = math.atan2(row_y[0], row_x[0])
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    turn_x = row_x[1] * qvel[5] - row_x[2] * qvel[4]  # rate of the chassis' x axis
+    turn_y = row_y[1] * qvel[5] - row_y[2] * qvel[4]
+    planar[0] = qpos[0] + row_x[2] * height
+    planar[1] = qpos[1] + row_y[2] * height
+    planar[2] += (yaw - planar[2] + math.pi) % (2.0 * math.pi) - math.pi
+    planar[3], planar[4] = cos * v_x + sin * v_y, cos * v_y - sin * v_x
+    planar[5] = (row_x[0] * turn_y - row_y[0] * turn_x) / (row_x[0] ** 2 + row_y[0] ** 2)
+    offset = car["steer_offset"]
+    left, right = qpos[car["steer"][0, 0]], qpos[car["steer"][1, 0]]
+    planar[6] = 0.5 * (ackermann(left, -offset) + ackermann(right, offset))
+
+
+@njit(cache=True, nogil=True)
+def _is_sane(qvel):
+    """Whether no velocity is NaN or absurd: MuJoCo would go on and fill the screen with warnings."""
+    total = 0.0
+    for rate in qvel:  # np.dot takes longer for so few
+        total += rate * rate
+    return total < _ABSURD**2
+
+
+@njit(cache=True, nogil=True)
+def advance(
+    steps, dt, model, data, cars, states, sensors, xipos, xmat, qpos, qvel, qfrc, ctrl, mocap_pos, pairs, damping,
+    track, patches,
+):  # fmt: skip
+    """Step the car under the held command of the state.
+
+    Args:
+        steps: Number of steps.
+        dt: One step, in [s]; the model's.
+        model, data: Addresses of mjModel and mjData.
+        cars, states: One record each, of `CAR` and `STATE`.
+        sensors, xipos, xmat, qpos, qvel, qfrc, ctrl, mocap_pos: Views of MjData's arrays; `qfrc` takes the tyres'
+            forces.
+        pairs, damping: Views of the pairs' friction and friction reference in mjModel.
+        track: Position of the obstacles at the beginning and the end, shape (2, n, 3); n = 0 if they
+            all stand still.
+        patches: See `contact_tyre.friction_at`.
+    """
+    car, state = cars[0], states[0]
+    for step in range(steps):
+        if not _is_sane(qvel):
+            break
+        share = (step + 1.0) / steps
+        for k in range(track.shape[1]):
+            mocap_pos[k] = (1.0 - share) * track[0, k] + share * track[1, k]
+        _mj_step1(model, data)
+        observe(cars, states, qpos, qvel)
+        tyres(dt, car, state, sensors, xipos, xmat, qpos, qvel, qfrc, pairs, damping, patches)
+        _wheel_torques(dt, car, state, qvel, ctrl)
+        _steer(dt, car, state, ctrl)
+        if sensors[4 * PATCH] > 0.0:
+            state["collided"] = 1.0
+        _mj_step2(model, data)
+    observe(cars, states, qpos, qvel)
+    if not _is_sane(qvel):
+        state["planar"][:] = np.nan

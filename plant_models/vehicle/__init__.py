@@ -1,0 +1,1 @@
+"""What a car is: its parameters, the files they come from, and presets."""

@@ -1,0 +1,151 @@
+"""Roll: an oscillator with the vehicle's numbers, and what the prediction makes of it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from sidestep.controller import ControllerConfig, SteeringController
+from sidestep.controller.mpc.car_model import Car, axle_force
+from sidestep.controller.mpc.prediction import advance, linearise
+from sidestep.controller.mpc.roll import Body, advance_roll, felt, roll_ahead
+from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.mujoco.plant import MujocoPlant
+from sidestep.plant_models.road.reference_path import Line, ReferencePath
+from sidestep.plant_models.signals import SteeringCommand, VehicleState
+from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
+
+BMW = VehicleParameters.preset("bmw-320i")
+BODY = Body.of(BMW)
+CAR = Car.of(BMW, True, 1.0, BODY)
+PERIOD = 0.02
+
+
+def test_steady_roll_balances_the_moment_of_the_lateral_force():
+    angle, rate = advance_roll(0.0, 0.0, 5.0, 10.0, BODY)
+    assert rate == pytest.approx(0.0, abs=1e-9)
+    _, front, rear = felt(angle, rate, BODY)
+    assert BMW.suspension
+    track_f, track_r = BMW.suspension.track_front, BMW.suspension.track_rear
+    moment = front * track_f + rear * track_r
+    assert moment == pytest.approx(BMW.mass * BMW.cg_height * (5.0 + GRAVITY * angle), rel=1e-6)
+
+
+def test_oscillator_is_that_of_the_equation():
+    def rates(t, x):
+        return x[1], BODY.gain * 4.0 * math.sin(6.0 * t) - BODY.stiffness * x[0] - BODY.damping * x[1]
+
+    exact = solve_ivp(rates, (0.0, 1.0), (0.0, 0.0), rtol=1e-9, atol=1e-12).y[:, -1]
+    errors = []
+    for dt in (0.01, 0.005):
+        roll = 0.0, 0.0
+        for k in range(round(1.0 / dt)):
+            roll = advance_roll(*roll, 4.0 * math.sin(6.0 * (k + 0.5) * dt), dt, BODY)
+        errors.append(abs(roll[0] - exact[0]))
+    assert errors[0] < 0.05 * abs(exact[0])
+    assert errors[1] < 0.6 * errors[0]
+
+
+def test_mujoco_car_rolls_as_told():
+    """A sine of steering: roll angle of the multibody car against the oscillator driven by its lateral acceleration."""
+    plant, roll, pairs, t = MujocoPlant(BMW), (0.0, 0.0), [], 0.0
+    state = plant.reset(VehicleState(v_x=15.0))
+    for _ in range(150):
+        command = SteeringCommand(t, 0.04 * math.sin(4.0 * t), 15.0)
+        new = plant.step(command, PERIOD)
+        lateral = (new.v_y - state.v_y) / PERIOD + 15.0 * 0.5 * (new.yaw_rate + state.yaw_rate)
+        roll = advance_roll(*roll, lateral, PERIOD, BODY)
+        state, t = new, t + PERIOD
+        w, x, y, z = plant.data.qpos[3:7]
+        pairs.append((roll[0], math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))))
+    told, real = np.array(pairs).T
+    assert np.abs(real).max() > 0.03
+    assert np.abs(told - real).max() < 0.1 * np.abs(real).max()
+
+
+def test_roll_along_a_steady_turn_grows_to_the_steady_angle():
+    times, states = np.linspace(0.0, 3.0, 61), np.zeros((61, 6))
+    states[:, 3] = 0.3  # 4.5 m/s^2 at 15 m/s
+    roll = roll_ahead(0.0, 0.0, times, states, 15.0, BODY)
+    assert roll[0] == pytest.approx([0.0, 0.0])
+    assert roll[-1] == pytest.approx([BODY.gain * 4.5 / BODY.stiffness, 0.0], abs=1e-4)
+
+
+def test_rolling_rate_turns_the_slip_angles_and_moved_load_costs_force():
+    lines, flat = np.empty((1, 5)), np.empty((1, 5))
+    states = np.zeros((1, 6))
+    states[0, 4] = 0.05
+    planar = CAR._replace(body=Body())
+    for car, into, roll in ((CAR, lines, (0.05, 0.4)), (planar, flat, (0.05, 0.4))):
+        linearise(np.zeros(1), np.zeros(1), states, np.array([roll]), 15.0, (0.0, 0.0), car, into)
+    aside = BMW.cg_height * 0.4 / 15.0
+    assert lines[0, 4] == pytest.approx(aside)
+    assert flat[0, 4] == 0.0
+    moved = felt(0.05, 0.4, BODY)[1]
+    at = axle_force(0.05 - aside, CAR.stiffness_f, CAR.load_f, CAR, moved)
+    assert lines[0, 1] + lines[0, 0] * 0.05 == pytest.approx(at)
+    assert at < axle_force(0.05 - aside, CAR.stiffness_f, CAR.load_f, CAR)
+    assert flat[0, 1] + flat[0, 0] * 0.05 == pytest.approx(axle_force(0.05, CAR.stiffness_f, CAR.load_f, CAR))
+
+
+def test_advance_rolls_with_the_car():
+    start, commands = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), np.full(10, 0.05)
+    whole, rolled = advance(start, (0.0, 0.0), 15.0, 0.0, (0.0, 0.0), commands, PERIOD, CAR)
+    x, roll = start, (0.0, 0.0)
+    for command in commands:
+        x, roll = advance(x, roll, 15.0, 0.0, (0.0, 0.0), np.array([command]), PERIOD, CAR)
+    assert x == pytest.approx(whole, abs=1e-12)
+    assert roll == pytest.approx(rolled, abs=1e-12)
+    assert 0.01 < rolled[0] < 0.1
+    planar, still = advance(start, (0.0, 0.0), 15.0, 0.0, (0.0, 0.0), commands, PERIOD, CAR._replace(body=Body()))
+    assert still == (0.0, 0.0)
+    assert planar[2] + planar[1] > whole[2] + whole[1]  # without roll the car is sooner on its way
+
+
+@pytest.mark.closed_loop
+def test_knowing_of_roll_predicts_the_mujoco_car_better():
+    """Largest error of l after 0.3 s in a lane change at 15 m/s: less than half of what it is without."""
+
+    def error(body_roll):
+        road = ReferencePath.from_segments([Line(200.0)])
+        controller = SteeringController(BMW, road, config=ControllerConfig(body_roll=body_roll, weight_offset=30.0))
+        plant = MujocoPlant(BMW)
+        state, offsets, predicted = plant.reset(VehicleState(y=2.0, v_x=15.0)), [], []
+        for _ in range(100):
+            command = controller.step(state)
+            plan = controller.plan
+            assert plan
+            predicted.append(np.interp(0.3, plan.states_time, plan.states[:, 0]))
+            offsets.append(state.y)
+            state = plant.step(command, PERIOD)
+        return np.abs(np.array(predicted[:-15]) - offsets[15:]).max()
+
+    assert error(True) < 0.5 * error(False)
+
+
+def test_save_and_restore_keep_the_roll():
+    def controller():
+        return SteeringController(
+            BMW, ReferencePath.from_segments([Line(200.0)]), config=ControllerConfig(body_roll=True)
+        )
+
+    states = [VehicleState(k * PERIOD, 15.0 * k * PERIOD, 0.01 * k, 0.0, 15.0, 0.03 * k, 0.1) for k in range(8)]
+    one, other = controller(), controller()
+    for state in states[:5]:
+        one.step(state)
+    other.restore(one.save())
+    assert [one.step(s) for s in states[5:]] == [other.step(s) for s in states[5:]]
+    assert one.plan
+    assert np.abs(one.plan.roll).max() > 0.0
+
+
+def test_a_car_without_springs_or_with_soft_ones_is_refused():
+    road = ReferencePath.from_segments([Line(200.0)])
+    with pytest.raises(InputError, match=r"controller\.body_roll: bmw-320i has no suspension data"):
+        SteeringController(BMW.with_(suspension=None), road, config=ControllerConfig(body_roll=True))
+    assert BMW.suspension
+    soft = replace(BMW.suspension, spring_front=10.0, spring_rear=10.0, anti_roll_front=0.0, anti_roll_rear=0.0)
+    with pytest.raises(InputError, match="roll stiffness 19 N m/rad"):
+        Body.of(BMW.with_(suspension=soft))

@@ -1,0 +1,370 @@
+import math
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from numba import njit
+from scipy.special import fresnel
+
+from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.road.clothoid import MAX_LENGTH, curvature_at
+from sidestep.plant_models.road.reference_path import Arc, Clothoid, Line, ReferencePath
+
+steady = settings(deadline=None, derandomize=True, max_examples=50)
+
+bends = st.floats(-0.15, 0.15)
+lengths = st.floats(1.0, 40.0)
+segments = st.one_of(
+    st.builds(Line, lengths), st.builds(Arc, lengths, bends), st.builds(Clothoid, lengths, bends, bends)
+)
+poses = st.tuples(st.floats(-500.0, 500.0), st.floats(-500.0, 500.0), st.floats(-7.0, 7.0))
+paths = st.builds(ReferencePath.from_segments, st.lists(segments, min_size=1, max_size=5), poses)
+
+HAIRPIN = ReferencePath.from_segments([Line(60.0), Arc(3.0 * math.pi, 1 / 3), Line(60.0)])
+CIRCLE = ReferencePath.from_segments([Arc(50.0 * math.pi, 0.02), Arc(50.0 * math.pi, 0.02)])
+
+
+def figure_eight() -> ReferencePath:
+    t = np.linspace(0.0, math.tau, 120)
+    return ReferencePath.from_waypoints(np.column_stack([60.0 * np.sin(t), 60.0 * np.sin(t) * np.cos(t)]))
+
+
+def circle_points(radius: float, spacing: float) -> np.ndarray:
+    angle = np.arange(0.0, math.tau - 0.5 * spacing / radius, spacing / radius)
+    return radius * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+# Exactness
+
+
+def test_a_line_is_a_line_before_on_and_beyond():
+    path = ReferencePath.from_segments([Line(120.3)], start=(3.0, -2.0, 0.7))
+    s, offset = np.linspace(-50.0, 200.0, 101), 1.5
+    x, y = path.to_cartesian(s, offset)
+    np.testing.assert_allclose(x, 3.0 + s * math.cos(0.7) - offset * math.sin(0.7), atol=1e-11)
+    np.testing.assert_allclose(y, -2.0 + s * math.sin(0.7) + offset * math.cos(0.7), atol=1e-11)
+    assert path.length == pytest.approx(120.3, abs=1e-12)
+
+
+@pytest.mark.parametrize("curvature", [0.9, -0.02, 1e-9])
+def test_an_arc_is_a_circle(curvature):
+    path = ReferencePath.from_segments([Arc(300.0, curvature)], closed=False)
+    s = np.linspace(0.0, 300.0, 777)
+    x, y = path.to_cartesian(s, 0.0)
+    np.testing.assert_allclose(x, np.sin(curvature * s) / curvature, atol=1e-9)
+    np.testing.assert_allclose(y, 2.0 * np.sin(curvature * s / 2.0) ** 2 / curvature, atol=1e-9)
+    np.testing.assert_allclose(path.heading(s), curvature * s, atol=1e-11)
+
+
+def test_a_clothoid_is_fresnels():
+    path = ReferencePath.from_segments([Clothoid(100.0, 0.0, 0.4)])
+    s = np.linspace(0.0, 100.0, 555)
+    unit = math.sqrt(math.pi / 0.004)
+    sine, cosine = fresnel(s / unit)
+    np.testing.assert_allclose(path.to_cartesian(s, 0.0), (unit * cosine, unit * sine), atol=1e-9)
+
+
+@steady
+@given(paths)
+def test_heading_integrates_curvature_and_points_integrate_heading(path):
+    s = np.linspace(0.0, path.length, 601)
+    step, middle = s[1], 0.5 * (s[1:] + s[:-1])
+    heading = path.heading(s)
+    # The midpoint rule misses half a step's worth of every jump in curvature: 4 joints of 0.3 /m at most.
+    np.testing.assert_allclose(heading - heading[0], integral(path.curvature(middle), step), atol=0.6 * step)
+    x, y = path.to_cartesian(s, 0.0)
+    np.testing.assert_allclose(x - x[0], integral(np.cos(path.heading(middle)), step), atol=0.1 * step)
+    np.testing.assert_allclose(y - y[0], integral(np.sin(path.heading(middle)), step), atol=0.1 * step)
+
+
+def integral(rate, step):
+    return np.concatenate([[0.0], np.cumsum(rate) * step])
+
+
+def test_curvature_jumps_at_a_joint_and_holds_from_it_on():
+    path = ReferencePath.from_segments([Line(10.0), Arc(10.0, 0.1), Clothoid(10.0, 0.1, -0.1)])
+    np.testing.assert_allclose(
+        path.curvature(np.array([-5.0, 0.0, 9.999, 10.0, 19.999, 20.0, 25.0, 29.999, 30.0, 99.0])),
+        [0.0, 0.0, 0.0, 0.1, 0.1, 0.1, 0.0, -0.09998, 0.0, 0.0], atol=1e-12,
+    )  # fmt: skip
+
+
+# Projection
+
+
+@steady
+@given(paths, st.floats(-0.2, 1.2), st.floats(-0.95, 0.95), st.floats(-1.0, 1.0))
+def test_projection_inverts_to_cartesian(path, fraction, reach, slip):
+    s = fraction * path.length
+    offset = 6.0 * reach
+    # The perpendicular foot is unique while the point stays on this side of the evolute all around.
+    assume(np.abs(path.curvature(np.linspace(s - 3.0, s + 3.0, 61)) * offset).max() < 0.9)
+    x, y = path.to_cartesian(s, offset)
+    found, l_s, heading = path.project(x, y, near=s + slip)
+    assert found == pytest.approx(s, abs=1e-9)
+    assert l_s == pytest.approx(offset, abs=1e-9)
+    assert heading == pytest.approx(path.heading(s), abs=1e-9)
+
+
+@steady
+@given(paths, st.floats(0.0, 1.0), st.floats(-15.0, 15.0), st.floats(-15.0, 15.0))
+def test_projection_finds_the_nearest_point_of_all(path, fraction, dx, dy):
+    x, y = path.to_cartesian(fraction * path.length, 0.0)
+    x, y = x + dx, y + dy
+    px, py = path.to_cartesian(np.linspace(0.0, path.length, 1001), 0.0)
+    brute = np.hypot(px - x, py - y).min()
+    s, l_s, _ = path.project(x, y)
+    fx, fy = path.to_cartesian(s, 0.0)
+    assert math.hypot(fx - x, fy - y) <= brute + 1e-9
+    if not path.closed or 0.0 < s < path.length:
+        assert path.to_cartesian(s, l_s) == pytest.approx((x, y), abs=1e-7)
+
+
+def test_a_hairpin_keeps_its_legs_apart():
+    station = HAIRPIN.project(0.0, 0.0)[0]
+    for s in np.arange(0.0, 57.0, 0.4):
+        x, y = HAIRPIN.to_cartesian(s, 4.5)  # 1.5 m from the other leg
+        station, l_s, _ = HAIRPIN.project(x, y, near=station)
+        assert (station, l_s) == pytest.approx((s, 4.5), abs=1e-9)
+        assert HAIRPIN.project(x, y)[0] == pytest.approx(HAIRPIN.length - s, abs=1e-9)
+
+
+def test_a_drive_round_the_hairpin_does_not_jump():
+    station = 0.0
+    for s in np.arange(0.0, HAIRPIN.length + 20.0, 0.4):
+        x, y = HAIRPIN.to_cartesian(s, 2.7 * math.sin(s))
+        station, _, _ = HAIRPIN.project(x, y, near=station)
+        assert station == pytest.approx(s, abs=1e-8)
+
+
+def test_three_laps_of_a_figure_eight():
+    path = figure_eight()
+    assert path.closed
+    assert path.heading(path.length) == pytest.approx(path.heading(0.0), abs=1e-12)
+    station = 0.0
+    for s in np.arange(0.0, 3.0 * path.length, 0.6):
+        offset = 3.5 * math.sin(0.3 * s)
+        station, l_s, _ = path.project(*path.to_cartesian(s, offset), near=station)
+        assert (station, l_s) == pytest.approx((s, offset), abs=1e-8)
+
+
+def test_a_closed_path_counts_laps_both_ways():
+    assert CIRCLE.closed
+    assert CIRCLE.length == pytest.approx(100.0 * math.pi)
+    assert CIRCLE.heading(2.5 * CIRCLE.length) == pytest.approx(5.0 * math.pi)
+    assert CIRCLE.curvature(-1e3) == CIRCLE.curvature(1e5) == 0.02
+    for lap in (-2, -1, 0, 3):
+        for angle in (-1e-9, 0.0, 1e-9, 1.0, -1.0):
+            x, y = 48.0 * math.sin(angle), 50.0 - 48.0 * math.cos(angle)
+            near = lap * CIRCLE.length + 50.0 * angle + 7.0
+            s, l_s, heading = CIRCLE.project(x, y, near=near)
+            assert (s - lap * CIRCLE.length, l_s) == pytest.approx((50.0 * angle, 2.0), abs=1e-9)
+            assert heading == pytest.approx(lap * math.tau + angle, abs=1e-11)
+
+
+def test_without_near_a_closed_path_answers_within_its_first_lap():
+    angle = np.linspace(-7.0, 7.0, 57)
+    s, l_s, _ = CIRCLE.project(51.0 * np.sin(angle), 50.0 - 51.0 * np.cos(angle))
+    assert np.all((s >= 0.0) & (s <= CIRCLE.length))
+    np.testing.assert_allclose(l_s, -1.0, atol=1e-9)
+    np.testing.assert_allclose(np.cos(s / 50.0), np.cos(angle), atol=1e-10)
+
+
+def test_a_point_that_is_not_finite_has_no_projection():
+    for x, y in ((math.nan, 0.0), (0.0, math.inf)):
+        assert all(math.isnan(value) for value in CIRCLE.project(x, y, near=1.0))
+    assert math.isnan(CIRCLE.curvature(math.nan))
+
+
+# Numbers and arrays
+
+
+def test_numbers_and_arrays_agree():
+    s = np.linspace(-20.0, HAIRPIN.length + 20.0, 12).reshape(3, 4)
+    x, y = HAIRPIN.to_cartesian(s, 1.0)
+    found = HAIRPIN.project(x, y, near=s)
+    assert x.shape == y.shape == found[0].shape == s.shape
+    for i in np.ndindex(s.shape):
+        station = float(s[i])
+        assert HAIRPIN.curvature(s)[i] == HAIRPIN.curvature(station)
+        assert HAIRPIN.heading(s)[i] == HAIRPIN.heading(station)
+        assert (x[i], y[i]) == HAIRPIN.to_cartesian(station, 1.0)
+        assert tuple(values[i] for values in found) == HAIRPIN.project(float(x[i]), float(y[i]), near=station)
+
+
+def test_offsets_broadcast_against_one_station():
+    x, y = HAIRPIN.to_cartesian(10.0, np.array([-1.0, 0.0, 2.0]))
+    np.testing.assert_allclose(x, 10.0, atol=1e-12)
+    np.testing.assert_allclose(y, [-1.0, 0.0, 2.0], atol=1e-12)
+
+
+def test_integers_and_numpy_numbers_are_numbers():
+    ten: Any = np.float32(10.0)
+    one: Any = np.int64(1)
+    assert HAIRPIN.to_cartesian(10, 1) == HAIRPIN.to_cartesian(ten, one) == pytest.approx((10.0, 1.0))
+    assert HAIRPIN.project(ten, one, 10) == pytest.approx((10.0, 1.0, 0.0))
+    assert isinstance(HAIRPIN.curvature(one), float)
+
+
+def test_a_path_cannot_be_changed_not_even_after_pickling():
+    for path in (CIRCLE, pickle.loads(pickle.dumps(CIRCLE))):
+        assert not path.table.flags.writeable
+        assert path.closed
+        with pytest.raises(AttributeError):
+            setattr(path, "closed", False)  # noqa: B010 (checkers refuse the assignment)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(CIRCLE)).table, CIRCLE.table)
+
+
+def test_kernels_take_the_table():
+    @njit
+    def total(table, period):
+        return curvature_at(table, period, 61.0) + curvature_at(table, period, 1.0)
+
+    assert total(HAIRPIN.table, HAIRPIN.period) == pytest.approx(1 / 3)
+
+
+# Way-points
+
+
+def test_a_circle_sampled_every_metre_is_met_within_a_millimetre():
+    path = ReferencePath.from_waypoints(circle_points(20.0, 1.0), closed=True)
+    x, y = path.to_cartesian(np.linspace(0.0, path.length, 2000), 0.0)
+    assert np.abs(np.hypot(x, y) - 20.0).max() < 1e-5
+    assert path.length == pytest.approx(40.0 * math.pi, abs=1e-4)
+    np.testing.assert_allclose(path.curvature(np.linspace(0.0, path.length, 2000)), 0.05, atol=1e-4)
+
+
+def test_half_a_circle_is_met_within_a_millimetre_up_to_its_ends():
+    points = circle_points(20.0, 1.0)[:60]
+    path = ReferencePath.from_waypoints(points)
+    assert not path.closed
+    x, y = path.to_cartesian(np.linspace(0.0, path.length, 2000), 0.0)
+    assert np.abs(np.hypot(x, y) - 20.0).max() < 1e-3
+
+
+@steady
+@given(st.lists(st.tuples(st.floats(4.0, 15.0), st.floats(-0.35, 0.35)), min_size=3, max_size=12), st.booleans())
+def test_the_path_goes_through_its_way_points_and_stays_arc_length_parametrised(legs, far_away):
+    length, turn = np.array(legs).T
+    angle = np.cumsum(turn)
+    points = np.column_stack([np.cumsum(length * np.cos(angle)), np.cumsum(length * np.sin(angle))]) + 5e6 * far_away
+    path = ReferencePath.from_waypoints(points)
+    s, l_s, _ = path.project(points[:, 0], points[:, 1])
+    np.testing.assert_allclose(l_s, 0.0, atol=1e-8)
+    assert np.all(np.diff(s) > 0.0)
+    assert (s[0], s[-1]) == pytest.approx((0.0, path.length), abs=1e-8)
+    stations = np.linspace(0.0, path.length, 401)
+    middle, step = 0.5 * (stations[1:] + stations[:-1]), stations[1]
+    chord = np.hypot(*np.diff(path.to_cartesian(stations, 0.0)))
+    np.testing.assert_allclose(chord, step * (1.0 - (path.curvature(middle) * step) ** 2 / 24.0), rtol=1e-6, atol=1e-8)
+
+
+def test_the_splines_curvature_is_continuous():
+    path = figure_eight()
+    nodes = path.table[1:-1, 0]
+    jump = path.curvature(nodes) - path.curvature(nodes - 1e-9)
+    assert np.abs(jump).max() < 2e-4 * np.abs(path.curvature(nodes)).max()
+
+
+def test_two_way_points_make_a_line():
+    path = ReferencePath.from_waypoints([(1.0, 1.0), (4.0, 5.0)])
+    assert path.length == pytest.approx(5.0)
+    assert path.heading(2.0) == pytest.approx(math.atan2(4.0, 3.0))
+    assert path.curvature(2.0) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_closing_is_found_out_or_asked_for():
+    ring = circle_points(20.0, 2.0)
+    closed = np.vstack([ring, ring[:1]])
+    assert ReferencePath.from_waypoints(closed).closed
+    assert not ReferencePath.from_waypoints(ring).closed
+    np.testing.assert_array_equal(
+        ReferencePath.from_waypoints(ring, closed=True).table, ReferencePath.from_waypoints(closed).table
+    )
+    assert not ReferencePath.from_waypoints(closed, closed=False).closed
+    assert not ReferencePath.from_segments([Arc(40.0 * math.pi, 0.05)], closed=False).closed
+
+
+# CSV
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "0,0\n10,1\n20,4\n",
+        "x,y\n0,0\n10,1\n20,4\n",
+        "\ufeffs;x [m];y [m]\n0;0;0\n\n10.1;10;1\n20.2;20;4\n",
+        "# centre line\n# x_m, y_m, w_right, w_left\n0,0,3,3\n10,1,3,3\n20,4,3,3\n",
+        '"X"\t"Y"\n0\t0\n10\t1\n20\t4\n',
+    ],
+)
+def test_csv_dialects(tmp_path, text):
+    file = tmp_path / "centre.csv"
+    file.write_text(text, encoding="utf-8")
+    expected = ReferencePath.from_waypoints([(0.0, 0.0), (10.0, 1.0), (20.0, 4.0)])
+    np.testing.assert_array_equal(ReferencePath.from_csv(file).table, expected.table)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "problem"),
+    [
+        ("x,y\n0,0\n1,oops\n", ":3", "'oops' is not a number"),
+        ("x,y\n0,0\n1\n", ":3", "only 1 column"),
+        ("x;y\n0;0\n1,5;2,5\n", ":3", "'1,5' is not a number"),
+        ("x,y\n0,0\nnan,1\n", ":3", "not finite"),
+        ("x,y\n0,0\n5,1\n5,1\n9,9\n", ":4", "repeats"),
+        ("easting,northing\n0,0\n", ":1", "no columns x and y"),
+        ("x,y\n", "", "0 points"),
+        ("0,0\n", "", "1 points"),
+    ],
+)
+def test_csv_errors_name_file_and_line(tmp_path, text, line, problem):
+    file = tmp_path / "centre.csv"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=problem) as caught:
+        ReferencePath.from_csv(file)
+    assert caught.value.where == f"{file}{line}"
+
+
+def test_csv_that_cannot_be_read(tmp_path):
+    (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00\x01")
+    for name in ("missing.csv", "binary.csv"):
+        with pytest.raises(InputError, match=r"\.csv: cannot be read"):
+            ReferencePath.from_csv(tmp_path / name)
+
+
+# Errors
+
+
+@pytest.mark.parametrize(
+    ("make", "where"),
+    [
+        (lambda: Line(0.0), "segment.length"),
+        (lambda: Line(-1.0), "segment.length"),
+        (lambda: Line(math.inf), "segment.length"),
+        (lambda: Line(2.0 * MAX_LENGTH), "segment.length"),
+        (lambda: Line(True), "segment.length"),
+        (lambda: Arc(1.0, "left"), "segment.curvature"),  # pyright: ignore[reportArgumentType] the point of the case
+        (lambda: Arc(1.0, math.nan), "segment.curvature"),
+        (lambda: Arc(1.0, 1.1), "segment.curvature"),
+        (lambda: Clothoid(1.0, 0.0, -1.1), "segment.curvature_end"),
+        (lambda: ReferencePath.from_segments([]), "road.segments"),
+        (lambda: ReferencePath.from_segments([Line(1.0), 3.0]), "road.segments[1]"),  # pyright: ignore[reportArgumentType]
+        (lambda: ReferencePath.from_segments([Line(1.0)], start=(0.0, math.nan, 0.0)), "road.start"),
+        (lambda: ReferencePath.from_segments([Line(1.0)], closed=True), "road.segments"),
+        (lambda: ReferencePath.from_waypoints([(0.0, 0.0)]), "road.waypoints"),
+        (lambda: ReferencePath.from_waypoints(np.zeros((4, 3))), "road.waypoints"),
+        (lambda: ReferencePath.from_waypoints([(0, 0), (1, 0), (1, 0)]), "road.waypoints[2]"),
+        (lambda: ReferencePath.from_waypoints([(0, 0), (9, 0), (0, 0)]), "road.waypoints"),
+        (lambda: ReferencePath.from_waypoints([(0, 0), (9, math.inf)]), "road.waypoints[1]"),
+        (lambda: ReferencePath.from_waypoints([(0, 0), (1, 0), (1, 0.3), (0, 0.3)]), "road.waypoints[0]"),
+        (lambda: ReferencePath.from_waypoints([(0, 0), (2.0 * MAX_LENGTH, 0)]), "road.waypoints"),
+    ],
+)
+def test_errors_name_the_value(make, where):
+    with pytest.raises(InputError) as caught:
+        make()
+    assert caught.value.where == where

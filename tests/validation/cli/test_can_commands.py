@@ -1,0 +1,276 @@
+"""`sidestep can ...` in one process: database, monitor, logs, replay and faults; the two nodes over multicast."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from threading import Thread
+
+import can
+import cantools.database
+import pytest
+
+from sidestep.controller.can_port.bus.bus import Bus
+from sidestep.controller.can_port.bus.faults import FaultSpec
+from sidestep.controller.can_port.bus.log import open_log, read_log
+from sidestep.controller.can_port.codec.database import load_dbc
+from sidestep.controller.can_port.codec.export import FORMATS, exported, page
+from sidestep.controller.can_port.codec.messages import decode_steer_command
+from sidestep.controller.can_port.nodes import ControllerNode
+from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.linear.plant import LinearPlant
+from sidestep.validation.can_bus import drive as can_run
+from sidestep.validation.can_bus import faults as can_campaign
+from sidestep.validation.can_bus import replay as can_replay
+from sidestep.validation.can_bus.drive import drive_virtual
+from sidestep.validation.can_bus.monitor import Observer, monitor
+from sidestep.validation.cli.main import main
+from sidestep.validation.report import report
+from sidestep.validation.scenarios.scenario import load_scenario
+
+DOCS = Path(__file__).parents[3] / "docs"
+SCENE = load_scenario("single-obstacle", ["plant.kind=linear", "duration=1.2"])
+
+
+@pytest.fixture(scope="module")
+def traffic():
+    """All frames of a drive, both directions, as messages."""
+    frames = []
+
+    class Witness(ControllerNode):
+        def step(self, time, arrived):
+            arrived = list(arrived)
+            answer = super().step(time, arrived)
+            for frame_id, data in [*arrived, *answer]:
+                frames.append(can.Message(time + 1.0, frame_id, is_extended_id=False, data=data, channel=0))
+            return answer
+
+    with pytest.MonkeyPatch.context() as patch, LinearPlant(SCENE.vehicle) as plant:
+        patch.setattr(can_run, "ControllerNode", Witness)
+        drive_virtual(SCENE, plant)
+    return frames
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_the_database_is_printed_and_reads_back(kind, capsys):
+    assert main(["can", "dbc", "--format", kind]) == 0
+    text = capsys.readouterr().out
+    assert text == exported(kind)
+    names = [message.name for message in load_dbc().messages]
+    if kind == "json":
+        assert [message["name"] for message in json.loads(text)["messages"]] == names
+    else:
+        again = cantools.database.load_string(text, kind, strict=True)
+        assert sorted(message.name for message in again.messages) == sorted(names)
+
+
+def test_the_fd_database(capsys):
+    assert main(["can", "dbc", "--format", "json", "--fd"]) == 0
+    assert {m["length"] for m in json.loads(capsys.readouterr().out)["messages"]} == {12}
+
+
+def test_the_page_of_messages_is_the_database_s():
+    assert (DOCS / "can_messages.md").read_text(encoding="utf-8") == page()
+
+
+@pytest.mark.parametrize("ending", [".blf", ".asc", ".log", ".csv"])
+def test_logs_read_back(ending, tmp_path, traffic):
+    with open_log(tmp_path / f"a{ending}") as log:
+        for message in traffic[:200]:
+            log.on_message_received(message)
+    got = list(read_log(tmp_path / f"a{ending}"))
+    assert [(m.arbitration_id, bytes(m.data)) for m in got] == [
+        (m.arbitration_id, bytes(m.data)) for m in traffic[:200]
+    ]
+    offset = got[0].timestamp - traffic[0].timestamp  # .asc counts from its first frame
+    assert [m.timestamp - offset for m in got] == pytest.approx([m.timestamp for m in traffic[:200]], abs=1e-5)
+
+
+def test_unknown_and_broken_logs(tmp_path):
+    with pytest.raises(InputError, match=r"unknown kind of CAN log '\.db'; allowed: \.blf"):
+        open_log(tmp_path / "a.db")
+    with pytest.raises(InputError, match=r"a\.blf: cannot read the CAN log"):
+        list(read_log(tmp_path / "a.blf"))
+    (tmp_path / "b.blf").write_bytes(b"no BLF file, but long enough to have a header of one" * 9)
+    with pytest.raises(InputError, match=r"b\.blf: cannot read the CAN log"):
+        list(read_log(tmp_path / "b.blf"))
+
+
+def test_monitor_shows_signals_and_protection(capsys, tmp_path, traffic):
+    with Bus("virtual:monitor") as bus, Bus("virtual:monitor") as sender:
+        for message in traffic[:400]:
+            sender.send(message)
+        sender.send(can.Message(arbitration_id=0x7FF, data=b"\1\2", is_extended_id=False))
+        monitor(bus, "P02", 0.05, None, tmp_path / "log.csv")
+    lines = capsys.readouterr().out.splitlines()
+    steer = next(line for line in lines if "STEER_CMD" in line)
+    assert "VALID" in steer
+    assert "rad" in steer
+    assert "not ours" in next(line for line in lines if "7FF" in line)
+    assert len(list(read_log(tmp_path / "log.csv"))) == 401
+
+
+def test_monitor_counts_what_is_bad():
+    observer = Observer()
+    for k in range(5):
+        observer.add(0x101, bytes([k] * 8), 0.01 * k)
+    observer.add(0x101, b"\0", 0.05)
+    cells = {column.header: list(column.cells) for column in observer.table().columns}
+    assert (cells["frames"], cells["bad"], cells["E2E"]) == (["6"], ["6"], ["NODATA"])
+
+
+def test_candump_lines(capsys):
+    with Bus("virtual:candump") as bus, Bus("virtual:candump") as sender:
+        sender.send(can.Message(12.5, 0x101, is_extended_id=False, data=b"\1\2"))
+        monitor(bus, "P02", 0.02, "-", None)
+    assert capsys.readouterr().out.split(maxsplit=1)[1].split()[:2] == ["candump", "101#0102"]
+
+
+def test_what_if_of_its_own_log_is_what_was_sent(tmp_path, traffic, capsys, monkeypatch):
+    with open_log(tmp_path / "a.blf") as log:
+        for message in traffic:
+            log.on_message_received(message)
+    monkeypatch.chdir(tmp_path)
+    assert main(["can", "replay", "a.blf", "--what-if", "single-obstacle"]) == 0
+    assert "difference RMS 0.00000 rad" in capsys.readouterr().out
+    assert sorted(file.name for file in (tmp_path / "what-if").iterdir()) == ["what_if.csv", "what_if.svg"]
+
+
+def test_what_if_needs_a_vehicle(tmp_path, traffic):
+    with open_log(tmp_path / "a.log") as log:
+        log.on_message_received(traffic[0])
+    with pytest.raises(InputError, match="never has both"):
+        can_replay.what_if(tmp_path / "a.log", "single-obstacle", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_replay_sends_what_the_vehicle_sent_in_its_time(tmp_path, traffic):
+    with open_log(tmp_path / "a.blf") as log:
+        for message in traffic[:60]:
+            log.on_message_received(message)
+    with Bus("virtual:replay-log") as bus, Bus("virtual:replay-log") as listener:
+        sent = can_replay.replay_as_plant(tmp_path / "a.blf", bus)
+        got = [message.arbitration_id for message in listener.drain()]
+        assert got == [m.arbitration_id for m in traffic[:60] if m.arbitration_id not in (0x101, 0x301)]
+        assert sent == len(got)
+        with pytest.raises(InputError, match="no frame of a vehicle"):
+            can_replay.replay_as_plant(_only_commands(tmp_path, traffic), bus)
+
+
+def _only_commands(folder, traffic):
+    with open_log(folder / "commands.blf") as log:
+        log.on_message_received(next(m for m in traffic if m.arbitration_id == 0x101))
+    return folder / "commands.blf"
+
+
+# --- faults
+
+
+def test_a_small_campaign_passes(capsys):
+    assert main(["can", "faults", "--count", "8", "--corrupt", "20000"]) == 0
+    text = capsys.readouterr().out
+    assert "mixtures of everything" in text
+    assert "accepted 0" in text
+
+
+def test_an_unsafe_case_is_named(capsys, monkeypatch):
+    kind = can_campaign.Kind("hopeless", [(SCENE, FaultSpec(seed=41, loss=1.0))], can_campaign.recovers)
+    monkeypatch.setattr(can_campaign, "kinds", lambda count, seed: [kind])
+    assert main(["can", "faults", "--corrupt", "1000"]) == 1
+    assert " 41" in capsys.readouterr().out
+
+
+def test_one_description(tmp_path, capsys):
+    (tmp_path / "faults.toml").write_text("loss = 0.5\nstart = 1.0\n")
+    assert main(["can", "faults", "--spec", str(tmp_path / "faults.toml")]) == 0
+    assert capsys.readouterr().out.count("stopped after") == 2
+
+
+def test_corrupt_frames_pass_the_crc_by_chance_only():
+    fate = can_campaign.corrupt(30_000, 1)
+    assert fate.passed_crc == pytest.approx(30_000 / 256, abs=4 * (30_000 / 256) ** 0.5)
+    assert fate.by_counter + fate.by_plausibility == fate.passed_crc
+    assert fate.accepted == 0
+
+
+# --- bad input
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["drive", "single-obstacle", "--can", "virtual:x"], "does not reach another process"),
+        (["monitor", "--can", "off"], "does not reach another process"),
+        (["plant", "nowhere", "--can", "auto"], "no built-in scenario"),
+        (["replay", "no.blf", "--what-if", "single-obstacle"], "cannot be read (No such file"),
+        (["replay", "no.trc", "--can", "socketcan:nocan"], "no CAN interface 'nocan'"),
+        (["faults", "--spec", "no.toml"], "No such file"),
+    ],
+)
+def test_bad_input_is_one_line(arguments, words, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["can", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert error.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_usage(capsys):
+    for arguments in (["can"], ["can", "faults", "--count", "0"], ["can", "dbc", "--format", "xls"]):
+        with pytest.raises(SystemExit) as done:
+            main(arguments)
+        assert done.value.code == 2
+
+
+# --- two processes
+
+
+def node(*arguments):
+    return subprocess.Popen([sys.executable, "-m", "sidestep.validation", "can", *arguments])
+
+
+def test_interrupted_nodes_complete_their_logs_and_the_last_command_is_not_enabled(
+    multicast_spec,
+    tmp_path,
+    monkeypatch,
+):
+    monkeypatch.setattr(report, "run_report", lambda run: "<!doctype html>")
+    common = ["single-obstacle", "--can", multicast_spec]
+    with Bus(multicast_spec) as bus, node("drive", *common, "--out", str(tmp_path / "c")) as controller:
+
+        def interrupt_when_it_steers():
+            if any(map(_enabled, iter(lambda: bus.receive(60.0), None))):
+                controller.send_signal(signal.SIGTERM)
+                os.kill(os.getpid(), signal.SIGINT)
+
+        Thread(target=interrupt_when_it_steers).start()
+        assert main(["can", "plant", *common, "--plant", "linear", "--out", str(tmp_path / "p")]) == 130
+        assert controller.wait(60.0) == 130
+    for name, other in (("c", 0x201), ("p", 0x101)):
+        assert json.loads((tmp_path / name / "summary.json").read_text())["can"]["refused"] == 0
+        assert other in {frame.arbitration_id for frame in read_log(tmp_path / name / "can.blf")}
+    logged = [frame for frame in read_log(tmp_path / "c" / "can.blf") if frame.arbitration_id == 0x101]
+    assert any(map(_enabled, logged))
+    assert not _enabled(logged[-1])
+
+
+def _enabled(message):
+    return message.arbitration_id == 0x101 and decode_steer_command(message.data, 0.0).enable
+
+
+def test_two_processes_drive_over_multicast(multicast_spec, tmp_path, monkeypatch):
+    monkeypatch.setattr(report, "run_report", lambda run: "<!doctype html>")  # test_report.py looks at it
+    common = ["single-obstacle", "--can", multicast_spec, "--set", "duration=1.0"]
+    with node("drive", *common, "--out", str(tmp_path / "c")) as controller:
+        assert main(["can", "plant", *common, "--plant", "linear", "--out", str(tmp_path / "p")]) == 0
+        assert controller.wait(30.0) == 0
+    assert {file.name for file in (tmp_path / "p").iterdir()} == {
+        "can.blf", "recording.csv", "report.html", "steps.csv", "summary.json",
+    }  # fmt: skip
+    assert {file.name for file in (tmp_path / "c").iterdir()} == {"can.blf", "summary.json"}
+    theirs = json.loads((tmp_path / "p" / "summary.json").read_text())
+    assert theirs["verdict"] == "pass"
+    assert theirs["can"]["refused"] == theirs["can"]["implausible"] == 0

@@ -1,0 +1,1 @@
+"""A scenario over ranges of its keys."""

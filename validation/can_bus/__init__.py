@@ -1,0 +1,1 @@
+"""Drives over a CAN bus, its monitor, replays and faults."""

@@ -1,0 +1,276 @@
+"""Scenarios driven over a bus: plant and steering actuator at one end, the controller at the other.
+
+The two ends are two processes in real time, or one in virtual time. The car is held at the start until the
+controller answers; then the co-simulation loop runs with the bus in the controller's place, one cycle at a time.
+"""
+
+import gc
+import math
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sidestep.controller import SteeringController
+from sidestep.controller.can_port.actuator import ActuatorConfig
+from sidestep.controller.can_port.bus.bus import resolve_spec
+from sidestep.controller.can_port.bus.faults import FaultSpec
+from sidestep.controller.can_port.codec.database import Protection, messages
+from sidestep.controller.can_port.codec.messages import ActuatorState, QpStatus
+from sidestep.controller.can_port.link import Link, RealTimeLink, VirtualTimeLink
+from sidestep.controller.can_port.nodes import CYCLE, ControllerNode, VehicleNode
+from sidestep.controller.steering import FEASIBLE_SLACK
+from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.plant import Plant
+from sidestep.plant_models.signals import SteeringCommand, VehicleState
+from sidestep.validation.files import made
+from sidestep.validation.interrupt import interrupts_between_steps
+from sidestep.validation.judge.summary import summarise
+from sidestep.validation.judge.verdict import judge
+from sidestep.validation.loop.cosimulation import cosimulate
+from sidestep.validation.loop.plants import open_plant
+from sidestep.validation.loop.recording import STEP_UNITS, Recording
+from sidestep.validation.scenarios.scenario import Scenario
+from sidestep.validation.studies.runs import Run
+
+PATIENCE = 120.0
+"""How long a node waits for the other end, in [s]."""
+
+_GONE = 2.0  # the controller's node ends when the vehicle has been silent for so long, in [s]
+_CONTROLLER, _VEHICLE = ("CTRL",), ("EPS", "VEH")
+
+
+class FarController:
+    """The controller at the other end of a bus, as the co-simulation loop sees it; its port as well.
+
+    Args:
+        link: The way to it.
+        node: The vehicle's end.
+        waiting: Called in every cycle that the car is held.
+    """
+
+    def __init__(self, link: Link, node: VehicleNode, waiting: Callable[[], None] = lambda: None):
+        self.link, self.node, self._waiting = link, node, waiting
+        self.plan = _Unknown()
+        self._began: float | None = None
+        self._applied: SteeringCommand | None = None
+
+    def reset(self) -> None:
+        """Hold the car at the start again."""
+        self._began = None
+
+    def step(self, state: VehicleState) -> SteeringCommand:
+        """One cycle on the bus; what the controller has asked for.
+
+        Raises:
+            InputError: No controller answers.
+        """
+        if self._began is None:
+            self._began = self._await(state)
+        else:
+            self._cycle(state)
+        return self.node.actuator.asked or SteeringCommand(state.time, state.steer_angle, state.v_x)
+
+    def transmit(self, command: SteeringCommand) -> SteeringCommand | None:
+        """What the steering actuator makes of it."""
+        return replace(self._applied, time=command.time) if self._applied else None
+
+    def _await(self, state: VehicleState) -> float:
+        actuator, now = self.node.actuator, -math.inf
+        for _ in range(round(PATIENCE / CYCLE)):
+            self._waiting()
+            now = self._cycle(state, valid=actuator.state is ActuatorState.STANDBY)
+            if actuator.state is ActuatorState.ACTIVE:
+                self.link.begin()
+                return now
+        raise InputError("can", f"no controller answers within {PATIENCE:g} s", "sidestep can drive on the same bus")
+
+    def _cycle(self, state: VehicleState, valid: bool = True) -> float:
+        now = self.link.wait()
+        self._applied, frames = self.node.step(replace(state, time=now), self.link.receive(), valid)
+        self.link.send(frames)
+        return now
+
+    def steps(self) -> dict[str, Any]:
+        """What the controller reported, as the columns of `STEP_UNITS`; nan is what it does not report."""
+        columns: dict[str, Any] = {name: np.full(len(self.node.reports), np.nan) for name in STEP_UNITS}
+        for k, (now, report) in enumerate(self.node.reports):
+            feasible = report.qp_status is QpStatus.SOLVED and report.slack <= FEASIBLE_SLACK
+            columns["time"][k], columns["status"][k] = now - (self._began or 0.0), report.status
+            columns["feasible"][k], columns["iterations"][k] = feasible, report.iterations
+            columns["slack_corridor"][k], columns["step_time"][k] = report.slack, 1e6 * report.solve_time
+        driven = columns["time"] >= 0.0
+        return {name: column[driven] for name, column in columns.items()}
+
+
+class _Unknown:
+    """The plan stays with the controller: every figure of it reads as not known."""
+
+    def __getattr__(self, name: str) -> float:
+        return math.nan
+
+
+def drive_over(
+    link: Link, node: VehicleNode, plant: Plant, scenario: Scenario, progress: Callable[[float], None] | None = None
+) -> Recording:
+    """Drive a scenario with the controller at the other end of `link`.
+
+    Raises:
+        InputError: No controller answers.
+    """
+    far = FarController(link, node, lambda: progress(0.0) if progress else None)
+    cycle_by_cycle = replace(scenario, controller=replace(scenario.controller, period=CYCLE))
+    recording = cosimulate(far, plant, cycle_by_cycle, far, progress=progress)
+    if isinstance(recording.error, InputError):
+        raise recording.error
+    return replace(recording, steps=far.steps(), plans=())
+
+
+@dataclass(frozen=True)
+class VirtualRun:
+    """A drive in virtual time.
+
+    Attributes:
+        recording: What happened.
+        vehicle, controller: The two nodes afterwards.
+    """
+
+    recording: Recording
+    vehicle: VehicleNode
+    controller: ControllerNode
+
+
+def drive_virtual(
+    scenario: Scenario,
+    plant: Plant,
+    faults: FaultSpec | None = None,
+    protection: Protection = "P02",
+    controller: SteeringController | None = None,
+) -> VirtualRun:
+    """Drive a scenario over a faulty bus in virtual time, both nodes in this process.
+
+    Args:
+        scenario: What to drive.
+        plant: Open.
+        faults: What goes wrong, in both directions.
+        protection: End-to-end protection.
+        controller: One to use again; None makes it.
+    """
+    catalogue = messages(protection)
+    far = ControllerNode(controller or _controller(scenario), catalogue)
+    vehicle = VehicleNode(catalogue, _actuator(scenario))
+    recording = drive_over(VirtualTimeLink(far, faults, protection), vehicle, plant, scenario)
+    return VirtualRun(recording, vehicle, far)
+
+
+def run_plant(
+    scenario: Scenario,
+    folder: Path,
+    can: str = "auto",
+    protection: Protection = "P02",
+    log: str = "can.blf",
+    allow_real_bus: bool = False,
+    progress: Callable[[float], None] | None = None,
+    command_line: str = "",
+) -> Run:
+    """The vehicle's end as a process: plant, steering actuator and sensors, in real time.
+
+    Raises:
+        InputError: Plant, bus or folder cannot be used, or no controller answers.
+        PlantError: The plant cannot be built or cannot start.
+    """
+    node = VehicleNode(messages(protection), _actuator(scenario))
+    with open_plant(scenario) as plant:
+        start = plant.reset(scenario.start)
+        plant.step(SteeringCommand(start.time, start.steer_angle, scenario.speed), CYCLE)  # load the kernels
+        with made(folder):
+            link = RealTimeLink(resolve_spec(can, True), _VEHICLE, protection, folder / log, allow_real_bus)
+        with link, _undisturbed():
+            recording = drive_over(link, node, plant, scenario, progress)
+    judgement = judge(recording, scenario)
+    frames = {**link.statistics(), "lost": node.actuator.channel.receiver.lost, **_counts(node)}
+    summary = summarise(scenario, recording, judgement, can=frames, coupling="over the bus", command_line=command_line)
+    return Run(scenario, recording, judgement, summary, folder)
+
+
+def run_controller(
+    scenario: Scenario,
+    folder: Path,
+    can: str = "auto",
+    protection: Protection = "P02",
+    log: str = "can.blf",
+    allow_real_bus: bool = False,
+) -> dict[str, Any]:
+    """The controller's end as a process; ends when the vehicle has fallen silent, or on an interrupt.
+
+    Returns:
+        Figures of the bus, the deadlines and the processor.
+
+    Raises:
+        InputError: Bus or folder cannot be used, or no vehicle answers.
+    """
+    controller = _controller(scenario)
+    for _ in range(3):
+        controller.step(scenario.start)  # load the kernels before the clock runs
+    node = ControllerNode(controller, messages(protection))
+    with made(folder):
+        link = RealTimeLink(resolve_spec(can, True), _CONTROLLER, protection, folder / log, allow_real_bus, True)
+    with link, _undisturbed():
+        interrupted, share = _serve(link, node)
+    if node.heard is None and not interrupted:
+        raise InputError("can", f"no vehicle answers within {PATIENCE:g} s", "sidestep can plant on the same bus")
+    lost = sum(channel.receiver.lost for channel in node.listener.channels.values())
+    figures = {"lost": lost, "stale_cycles": node.stale_cycles, "processor_share": share, "interrupted": interrupted}
+    return {**link.statistics(node.heard or 0.0), **figures}
+
+
+def _serve(link: RealTimeLink, node: ControllerNode) -> tuple[bool, float]:
+    """Steer until the vehicle is gone; whether that was interrupted, and the share of a processor that it took."""
+    now, used, interrupted = 0.0, 0.0, False
+    began: tuple[float, float] | None = None  # of steering: time and processor time, in [s]
+    with interrupts_between_steps() as interruption:
+        try:
+            while now < (PATIENCE if node.heard is None else node.heard + _GONE):
+                interruption()
+                now = link.wait()
+                link.send(node.step(now, link.receive()))
+                if node.heard == now:
+                    if began is None:
+                        link.begin()
+                        began = now, time.process_time()
+                    used = time.process_time() - began[1]
+        except KeyboardInterrupt:
+            interrupted = True
+        finally:
+            link.send(node.leave(now))
+    return interrupted, used / max(CYCLE, (node.heard or 0.0) - began[0]) if began else 0.0
+
+
+def _controller(scenario: Scenario) -> SteeringController:
+    return SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
+
+
+def _actuator(scenario: Scenario) -> ActuatorConfig:
+    return ActuatorConfig(angle_limit=scenario.vehicle.steer_limit)
+
+
+def _counts(node: VehicleNode) -> dict[str, Any]:
+    checks = {status.value: count for status, count in node.actuator.channel.receiver.counts.items()}
+    return {"checks": checks, "implausible": node.actuator.implausible}
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """No garbage collection among the deadlines."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+        gc.unfreeze()

@@ -1,0 +1,118 @@
+"""`sidestep can monitor`: every message on the bus, decoded, with the state of its protection."""
+
+import sys
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+import can
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from sidestep.controller.can_port.bus.bus import Bus
+from sidestep.controller.can_port.bus.channel import Channel
+from sidestep.controller.can_port.bus.log import open_log
+from sidestep.controller.can_port.codec.database import Protection, load_dbc, messages
+from sidestep.controller.can_port.protection.e2e import CheckStatus
+
+_REFRESH = 0.2  # time between two tables, in [s]
+_GOOD = (CheckStatus.OK, CheckStatus.INITIAL)
+
+
+class Observer:
+    """What has been seen of every message.
+
+    Args:
+        protection: End-to-end protection to check.
+    """
+
+    def __init__(self, protection: Protection = "P02"):
+        self._channels = {message.frame_id: Channel(message) for message in messages(protection).values()}
+        self._database = load_dbc(protection)
+        self._seen: dict[int, tuple[int, float, float, bytes]] = {}  # count, first and last time, data
+
+    def add(self, frame_id: int, data: bytes, now: float) -> None:
+        """Take in a frame that arrived at `now`, in [s]."""
+        count, first, _, _ = self._seen.get(frame_id, (0, now, now, b""))
+        self._seen[frame_id] = (count + 1, first, now, data)
+        if channel := self._channels.get(frame_id):
+            channel.accept(data)
+
+    def table(self) -> Table:
+        """One row per message that was seen."""
+        table = Table(box=SIMPLE_HEAD, pad_edge=False)
+        for head in ("id", "message", "frames", "1/s", "E2E", "lost", "bad", "signals"):
+            table.add_column(head, justify="right" if head in ("frames", "1/s", "lost", "bad") else "left")
+        for frame_id in sorted(self._seen):
+            count, first, last, data = self._seen[frame_id]
+            rate = f"{(count - 1) / (last - first):.1f}" if last > first else ""
+            table.add_row(f"{frame_id:03X}", *self._row(frame_id, count, rate, data))
+        return table
+
+    def _row(self, frame_id: int, count: int, rate: str, data: bytes) -> tuple[str, ...]:
+        channel = self._channels.get(frame_id)
+        if channel is None:
+            return ("not ours", str(count), rate, "", "", "", data.hex(" "))
+        checks = channel.receiver.counts
+        bad = checks.total() - sum(checks[status] for status in _GOOD) - checks[CheckStatus.OKSOMELOST]
+        signals = self._signals(frame_id, data) if len(data) == channel.message.length else data.hex(" ")
+        lost = str(channel.receiver.lost)
+        return (channel.message.name, str(count), rate, channel.state.name, lost, str(bad), signals)
+
+    def _signals(self, frame_id: int, data: bytes) -> str:
+        message = self._database.get_message_by_frame_id(frame_id)
+        values = message.decode(data)
+        assert isinstance(values, dict)
+        units = {signal.name: f" {signal.unit}" if signal.unit else "" for signal in message.signals}
+        shown = (name for name in values if not name.endswith(("_CRC", "_Counter")))
+        return ", ".join(f"{name.partition('_')[2]} {_text(values[name])}{units[name]}" for name in shown)
+
+
+def _text(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def monitor(bus: Bus, protection: Protection, duration: float | None, candump: str | None, log: Path | None) -> None:
+    """Watch a bus until `duration` is over, or for ever; the last table stays.
+
+    Args:
+        bus: Open.
+        protection: End-to-end protection to check.
+        duration: In [s]; None for ever.
+        candump: File for candump's lines, "-" for the terminal instead of the table; None for none.
+        log: File for the frames; None for none.
+
+    Raises:
+        InputError: The log cannot be written.
+    """
+    observer, began = Observer(protection), time.monotonic()
+    with ExitStack() as resources:
+        logs = [resources.enter_context(open_log(log))] if log else []
+        if candump == "-":
+            logs.append(can.CanutilsLogWriter(sys.stdout))
+        elif candump:
+            logs.append(resources.enter_context(open_log(Path(candump).with_suffix(".log"))))
+        live = None
+        if candump != "-" and Console().is_terminal:
+            live = resources.enter_context(Live(observer.table(), refresh_per_second=1.0 / _REFRESH))
+        while duration is None or time.monotonic() < began + duration:
+            _watch(bus, observer, logs, time.monotonic() + _REFRESH)
+            if live:
+                live.update(observer.table())
+            if candump == "-":
+                sys.stdout.flush()
+    if candump != "-" and not Console().is_terminal:
+        Console(width=200).print(observer.table())
+
+
+def _watch(bus: Bus, observer: Observer, logs: list, until: float) -> None:
+    while (left := until - time.monotonic()) > 0.0:
+        message = bus.receive(left)
+        if message is None:
+            return
+        observer.add(message.arbitration_id, bytes(message.data), time.monotonic())
+        message.channel = bus.spec.partition(":")[2]
+        for log in logs:
+            log.on_message_received(message)

@@ -1,0 +1,210 @@
+"""`sidestep can ...`: the two nodes, monitor, replay, faults and the database."""
+
+import argparse
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sidestep.plant_models.errors import InputError
+from sidestep.validation.cli.arguments import positive_number, refuse_beside, seed, whole_number
+
+if TYPE_CHECKING:
+    from sidestep.controller.can_port.bus.bus import Bus
+
+
+_CASES, _CORRUPT = 500, 1_000_000
+"""Of `can faults`: cases, and corrupt frames."""
+
+
+def add_can(commands: argparse._SubParsersAction) -> None:
+    """Add the subcommands of `can`."""
+    can = commands.add_parser("can", help="nodes, monitor, replay, faults and database of the CAN bus")
+    parts = can.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    drive = _node(parts, "drive", "the controller as a node: state in, steering out, every 10 ms", _drive)
+    plant = _node(parts, "plant", "plant, steering actuator and sensors as a node", _plant)
+    plant.add_argument("--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, or an .fmu file")
+    plant.add_argument("--map", type=Path, metavar="MAP.toml", help="mapping file of an FMU that is not ours")
+    plant.set_defaults(isolate=None)
+    for part in (drive, plant):
+        part.add_argument(
+            "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
+            help="replace a key of the scenario file; may be repeated",
+        )  # fmt: skip
+    monitor = parts.add_parser("monitor", help="decoded signals with their E2E state, live")
+    _bus_options(monitor)
+    until = monitor.add_mutually_exclusive_group()
+    until.add_argument("--once", action="store_true", help="one table after a second")
+    until.add_argument("--duration", type=positive_number, metavar="S", help="end after so many seconds")
+    monitor.add_argument("--candump", metavar="FILE", help="write what candump -L would; - for the terminal")
+    monitor.add_argument("--log", type=Path, metavar="FILE", help="log to .blf, .asc, .log or .csv")
+    monitor.set_defaults(command=_monitor)
+    replay = parts.add_parser("replay", help="a log as plant on a bus, or what the controller would have sent")
+    replay.add_argument("log", type=Path, metavar="LOG", help=".blf, .asc, .log or .csv")
+    replay.add_argument("--what-if", metavar="SCENARIO", help="ask this scenario's controller instead of sending")
+    replay.add_argument("--out", type=Path, metavar="DIR", help="of --what-if; default: what-if")
+    _bus_options(replay)
+    replay.set_defaults(command=_replay)
+    faults = parts.add_parser("faults", help="seeded faults in virtual time: does anything unsafe pass?")
+    faults.add_argument("--count", type=whole_number, metavar="N", help=f"cases (default: {_CASES})")
+    faults.add_argument("--corrupt", type=whole_number, metavar="N", help=f"default: {_CORRUPT} frames")
+    faults.add_argument("--seed", type=seed, help="of the first case (default: 0)")
+    faults.add_argument("--spec", type=Path, metavar="FAULTS.toml", help="one description instead of the cases")
+    faults.set_defaults(command=_faults)
+    dbc = parts.add_parser("dbc", help="the message database, to stdout")
+    dbc.add_argument("--format", default="dbc", choices=("dbc", "kcd", "sym", "json"), help="default: %(default)s")
+    _protection_options(dbc)
+    dbc.set_defaults(command=_dbc)
+
+
+def _node(parts: argparse._SubParsersAction, name: str, words: str, command: Any) -> argparse.ArgumentParser:
+    node = parts.add_parser(name, help=words)
+    node.add_argument("scenario", metavar="SCENARIO", help="a name that `sidestep scenarios` lists, or a TOML file")
+    node.add_argument("--out", type=Path, metavar="DIR", help="default: runs/<time>-<scenario>")
+    node.add_argument("--log", default="can.blf", metavar="NAME", help="log file in it (.blf, .asc, .log, .csv)")
+    _bus_options(node)
+    node.set_defaults(command=command)
+    return node
+
+
+def _bus_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--can", default="auto", metavar="BUS", help="auto (default), udp_multicast:GROUP:PORT, socketcan:vcan0"
+    )
+    parser.add_argument("--allow-real-bus", action="store_true", help="let that bus reach hardware")
+    _protection_options(parser)
+
+
+def _protection_options(parser: argparse.ArgumentParser) -> None:
+    kinds = parser.add_mutually_exclusive_group()
+    kinds.add_argument(
+        "--fd", dest="protection", action="store_const", const="P05", default="P02", help="CAN FD with E2E profile 5"
+    )
+    kinds.add_argument("--no-e2e", dest="protection", action="store_const", const="none", help="no protection")
+
+
+def _shared_bus(options: argparse.Namespace) -> "Bus":
+    from sidestep.controller.can_port.bus.bus import Bus, resolve_spec
+
+    _require_shared(options)
+    spec = resolve_spec(options.can, several_processes=True)
+    return Bus(spec, fd=options.protection == "P05", allow_real_bus=options.allow_real_bus)
+
+
+def _require_shared(options: argparse.Namespace) -> None:
+    if options.can == "off" or options.can.startswith("virtual"):
+        raise InputError("--can", f"{options.can!r} does not reach another process", "auto, udp_multicast, socketcan")
+
+
+def _folder(options: argparse.Namespace, name: str) -> Path:
+    return options.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{name}"
+
+
+def _drive(options: argparse.Namespace) -> int:
+    from sidestep.validation.can_bus.drive import run_controller
+    from sidestep.validation.files import write_text, written_to
+    from sidestep.validation.judge.summary import strict_json
+    from sidestep.validation.scenarios.scenario import load_scenario
+
+    _require_shared(options)
+    scenario = load_scenario(options.scenario, options.overrides)
+    folder = _folder(options, f"{scenario.name}-controller")
+    with _terminated_as_interrupted():
+        figures = run_controller(
+            scenario, folder, options.can, options.protection, options.log, options.allow_real_bus
+        )  # fmt: skip
+    with written_to(folder):
+        summary = {"scenario": scenario.name, "command_line": options.command_line, "can": figures}
+        write_text(folder / "summary.json", strict_json(summary))
+    print(_timing(figures))
+    print(f"log: {folder / options.log}")
+    if figures["interrupted"]:
+        raise KeyboardInterrupt
+    return 0
+
+
+def _plant(options: argparse.Namespace) -> int:
+    from sidestep.validation.can_bus.drive import run_plant
+    from sidestep.validation.cli.console import print_runs, progress_bar
+    from sidestep.validation.cli.main import plant_overrides
+    from sidestep.validation.report.report import write_run
+    from sidestep.validation.scenarios.scenario import load_scenario
+
+    _require_shared(options)
+    scenario = load_scenario(options.scenario, [*options.overrides, *plant_overrides(options)])
+    folder = _folder(options, scenario.name)
+    bar = progress_bar(f"{scenario.name} on {scenario.plant.name}", scenario.duration)
+    with _terminated_as_interrupted(), bar as progress:
+        run = run_plant(
+            scenario, folder, options.can, options.protection, options.log, options.allow_real_bus, progress,
+            options.command_line,
+        )  # fmt: skip
+    write_run(run)
+    print_runs([run.summary])
+    print(_timing(run.summary["can"]))
+    print(f"report: {folder / 'report.html'}")
+    if run.interrupted:
+        raise KeyboardInterrupt
+    return 0 if run.judgement.passed else 1
+
+
+@contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """SIGTERM is a Ctrl-C: what has been driven is written."""
+    before = signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _timing(figures: dict[str, Any]) -> str:
+    late = figures["lateness_ms"]
+    text = (
+        f"{figures['interface']}: {figures['sent']} frames sent, {figures['refused']} refused, {figures['lost']} lost; "
+        f"{figures['cycles']} cycles, {figures['skipped']} skipped, lateness p50 {late['p50']:.2f} ms, "
+        f"p99 {late['p99']:.2f} ms, max {late['max']:.2f} ms, drift {100.0 * figures['drift']:+.4f} %"
+    )
+    share = figures.get("processor_share")
+    return text if share is None else f"{text}, {100.0 * share:.1f} % of a core"
+
+
+def _monitor(options: argparse.Namespace) -> int:
+    from sidestep.validation.can_bus.monitor import monitor
+
+    with _shared_bus(options) as bus:
+        monitor(bus, options.protection, 1.0 if options.once else options.duration, options.candump, options.log)
+    return 0
+
+
+def _replay(options: argparse.Namespace) -> int:
+    from sidestep.validation.can_bus.replay import replay_as_plant, what_if
+
+    if options.what_if:
+        bus = None if options.can == "auto" else options.can
+        refuse_beside("--what-if", {"--can": bus, "--allow-real-bus": options.allow_real_bus})
+        return what_if(options.log, options.what_if, options.out or Path("what-if"), options.protection)
+    if options.out:
+        raise InputError("--out", "makes no difference without --what-if", "both, or neither")
+    with _shared_bus(options) as bus:
+        print(f"{replay_as_plant(options.log, bus, options.protection)} frames sent on {bus.spec}")
+    return 0
+
+
+def _faults(options: argparse.Namespace) -> int:
+    from sidestep.validation.can_bus.faults import campaign, one_case
+
+    if options.spec:
+        others = {"--count": options.count, "--corrupt": options.corrupt, "--seed": options.seed}
+        refuse_beside("--spec", others)
+        return one_case(options.spec)
+    return campaign(options.count or _CASES, options.corrupt or _CORRUPT, options.seed or 0)
+
+
+def _dbc(options: argparse.Namespace) -> int:
+    from sidestep.controller.can_port.codec.export import exported
+
+    print(exported(options.format, options.protection), end="")
+    return 0

@@ -1,0 +1,1 @@
+"""What a drive is worth, by code that shares nothing with the controller."""

@@ -1,0 +1,1 @@
+"""Controller and plant in one loop, and the record of it."""

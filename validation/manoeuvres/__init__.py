@@ -1,0 +1,1 @@
+"""Open-loop manoeuvres, their metrics and ratings."""

@@ -1,0 +1,1 @@
+"""Where the controller's model stops predicting a plant."""

@@ -1,0 +1,1 @@
+"""A car's parameters from its drives."""

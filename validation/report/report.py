@@ -1,0 +1,185 @@
+"""What a run leaves on disk, and report.html of a run and of the demo: one file each, nothing loaded from outside."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from sidestep.validation.cli.console import HEADS, cells, number, row_name
+from sidestep.validation.files import write_text, written_to
+from sidestep.validation.judge.summary import strict_json
+from sidestep.validation.loop.recording import STEP_UNITS, write_columns
+from sidestep.validation.report.compare.comparison import Line, compared_signals, compared_top_view
+from sidestep.validation.report.exports.junit import JunitCase
+from sidestep.validation.report.pages import page, picture
+from sidestep.validation.report.scrubber import scrubber_data
+from sidestep.validation.report.signals_figure import signals_figure
+from sidestep.validation.report.still import still
+from sidestep.validation.report.style import BLUE, GREEN, ORANGE, PURPLE
+from sidestep.validation.report.topview import distance, top_view
+from sidestep.validation.report.usage_figure import usage_figure
+from sidestep.validation.studies.runs import Run
+
+_COLOURS = {"linear": ORANGE, "single-track": GREEN, "mujoco": BLUE, "linear (paper)": PURPLE}
+
+
+def write_run(run: Run) -> None:
+    """Write recording.csv, steps.csv, summary.json and report.html; each is complete or not there.
+
+    Raises:
+        InputError: The folder cannot be written to.
+    """
+    with written_to(run.folder):
+        write_columns(run.folder / "recording.csv", run.recording.samples, run.recording.units)
+        write_columns(run.folder / "steps.csv", run.recording.steps, STEP_UNITS)
+        write_text(run.folder / "summary.json", strict_json(run.summary))
+        write_text(run.folder / "report.html", run_report(run))
+
+
+def run_report(run: Run) -> str:
+    """The page of one run: verdict and scene first, then the time slider, numbers, signals, and what was run."""
+    s = run.summary
+    files = ["summary.json", "recording.csv", "steps.csv", *(["can.blf"] if s["can"]["sent"] else [])]
+    return page(
+        "run.html",
+        name=f"{s['scenario']} on {s['plant']}" + (f", preset {s['preset']}" if s["preset"] != "default" else ""),
+        summary=s,
+        verdict=_sentence(s),
+        top_view=picture(top_view(run.scenario, run.recording, run.judgement)),
+        signals=picture(signals_figure(run.scenario, run.recording, run.judgement)),
+        scrubber=scrubber_data(run.scenario, run.recording, run.judgement),
+        usage=picture(usage_figure(run.scenario, run.recording)),
+        still=still(run.scenario, run.recording, run.judgement.time),
+        numbers=_numbers(run),
+        not_covered=_not_covered(run),
+        provenance=_provenance(s),
+        files=files,
+    )
+
+
+def _sentence(s: dict[str, Any]) -> str:
+    """PASS or FAIL, why, and the worst clearance with where and when."""
+    words = f"{s['verdict'].upper()} ({s['label']})"
+    if s["min_clearance_m"] is not None:
+        words += (
+            f": {distance(s['min_clearance_m'], 3)} at obstacles[{s['min_clearance_obstacle']}]"
+            f", s = {s['min_clearance_station_m']:.1f} m, t = {s['min_clearance_time_s']:.2f} s"
+        )
+    if s["plant_contact"]:
+        words += ", contact in the plant's own geometry"
+    if s["error"]:
+        words += f". {s['error']}"
+    return words
+
+
+def junit_case(run: Run) -> JunitCase:
+    """A run as a test case of a build server."""
+    s = run.summary
+    broken_off = s["error"] or ""
+    failure = "" if run.judgement.passed or broken_off else _sentence(s)
+    return JunitCase(f"sidestep.run.{s['scenario']}", row_name(s), failure, broken_off)
+
+
+def _numbers(run: Run) -> list[tuple[str, str, str, str]]:
+    """Name, value, PASS or FAIL if the verdict hangs on it, and what to compare it with."""
+    s, config, vehicle = run.summary, run.scenario.controller, run.scenario.vehicle
+    can, gap, broken = s["can"], s["min_clearance_m"], run.recording.error is not None
+    median, p99, most = (number(s["step_time_us"][name], "µs", 0) for name in ("median", "p99", "max"))
+    return [
+        ("Run", f"{s['duration_s']:.2f} s simulated", _mark(not broken), s["end"]),
+        ("Smallest clearance", number(gap, "m", 3), "" if gap is None else _mark(gap > 0.0 and not s["plant_contact"]),
+         f"above 0; buffer {config.buffer:g} m; negative: overlap"),
+        ("Smallest clearance to the road's edge", number(s["min_edge_clearance_m"], "m", 3),
+         _mark(s["min_edge_clearance_m"] >= 0.0), "0 or more; of the car's corners"),
+        ("Largest lateral acceleration", number(s["max_lateral_acceleration"], "m/s²", 2), "",
+         "nuPlan counts up to 4.89 m/s² as comfortable"),
+        ("Largest yaw rate", number(s["max_yaw_rate"], "rad/s", 3), "", "nuPlan: 0.95 rad/s"),
+        ("Largest steering angle", number(s["max_steer_angle"], "rad", 4), "", f"limit {vehicle.steer_limit:g} rad"),
+        ("Largest steering rate", number(s["max_steer_rate"], "rad/s", 3), "",
+         f"limit {vehicle.steer_rate_limit:g} rad/s"),
+        ("Lateral error", number(s["rms_lateral_error_m"], "m", 3), "",
+         "RMS to the reference path, avoidance included"),
+        ("Lateral error in the last second", number(s["final_rms_lateral_error_m"], "m", 4), "", "RMS"),
+        ("Infeasible steps", f"{s['infeasible_steps']} of {s['steps']}", "",
+         "solver failed, or corridor slack above 1 mm"),
+        ("Largest corridor slack", number(1e3 * s["max_slack_m"], "mm", 3), "", ""),
+        ("Controller step", f"{median} median", "", f"p99 {p99}, largest {most}"),
+        ("Real-time factor", number(s["real_time_factor"], "", 1), "", "controller, bus and plant, one thread"),
+        ("CAN", f"{can['sent']} frames", "", f"{can['interface']}, {can['lost']} lost"),
+    ]  # fmt: skip
+
+
+def _mark(good: bool) -> str:
+    return "PASS" if good else "FAIL"
+
+
+def _not_covered(run: Run) -> list[str]:
+    """What one run says nothing of."""
+    plant, sentences = (
+        run.scenario.plant,
+        ["Any other scene, speed or seed: how often it fails is for a campaign to say."],
+    )
+    if run.recording.estimated:
+        sentences.append(f"What the plant does not report but estimates: {', '.join(run.recording.estimated)}.")
+    if not plant.noise and not plant.measured_offset:
+        sentences.append("Noise and offset of the measured state: the controller is told the truth (plant.noise).")
+    if not plant.delay and run.summary["coupling"] == "zero-delay":
+        sentences.append("Delay: a command acts in the period in which it was computed (plant.delay, --coupling).")
+    return [
+        *sentences,
+        "Obstacles that are seen late, wrongly or not at all: the controller knows them from the start.",
+        "The plant model's own error against a real car.",
+    ]
+
+
+def _provenance(s: dict[str, Any]) -> list[tuple[str, str]]:
+    versions = ", ".join(f"{name} {version}" for name, version in s["versions"].items())
+    plant = s["tables"].get("plant", {})
+    seed = f"noise of seed {plant.get('noise_seed', 0)}" if plant.get("noise") else "none"
+    return [
+        ("Command", s["command_line"] or "(library call)"),
+        ("Coupling", s["coupling"]),
+        ("Randomness", f"{seed}: the same inputs give the same recording"),
+        ("Versions", versions),
+    ]
+
+
+def demo_report(runs: Sequence[Run], summaries: Sequence[dict[str, Any]], passed: bool) -> str:
+    """The page of the demo.
+
+    Args:
+        runs: What could be run.
+        summaries: A summary of every row, also of what could not be run.
+        passed: The verdict on all that counts.
+    """
+    scenes = [_scene(name, runs, summaries) for name in dict.fromkeys(s["scenario"] for s in summaries)]
+    counted = [s for s in summaries if s["preset"] == "default"]
+    good = sum(s["verdict"] == "pass" for s in counted)
+    clearances = [s["min_clearance_m"] for s in counted if s.get("min_clearance_m") is not None]
+    worst = f", worst clearance {min(clearances):.3f} m" if clearances else ""
+    return page(
+        "demo.html",
+        verdict="pass" if passed else "fail",
+        sentence=f"{'PASS' if passed else 'FAIL'}: {good} of {len(counted)} runs passed{worst}",
+        scenes=scenes,
+        heads=HEADS,
+        provenance=_provenance(runs[0].summary) if runs else [],
+    )
+
+
+def _scene(name: str, runs: Sequence[Run], summaries: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    shown = [run for run in runs if run.scenario.name == name]
+    lines = [Line(row_name(run.summary), _COLOURS[row_name(run.summary)], run.recording) for run in shown]
+    rows = [
+        {
+            "name": row_name(s),
+            "verdict": s["verdict"],
+            "label": f"{s['verdict']}: {s['label']}",
+            "cells": cells(s),
+            "link": s.get("report"),
+        }
+        for s in summaries
+        if s["scenario"] == name
+    ]
+    if not shown:
+        return {"name": name, "rows": rows}
+    top_view = picture(compared_top_view(shown[0].scenario, lines))
+    return {"name": name, "rows": rows, "top_view": top_view, "signals": picture(compared_signals(lines))}

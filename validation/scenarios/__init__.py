@@ -1,0 +1,1 @@
+"""What is to be driven: scenario files, tables and random scenes."""

@@ -1,0 +1,91 @@
+"""Which plant a scenario drives, and how it differs from what the controller believes."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta
+
+from sidestep.plant_models.mujoco.surface import FrictionPatch, HeightField, Surface
+from sidestep.validation.scenarios.tables import built, checked, file_at
+
+Positive = Annotated[float, Meta(gt=0.0)]
+NotNegative = Annotated[float, Meta(ge=0.0)]
+Factor = Annotated[float, Meta(ge=0.01, le=100.0)]
+
+
+@dataclass(frozen=True)
+class PlantSettings:
+    """The table `plant` of a scenario file.
+
+    Attributes:
+        kind: linear, single-track, double-track, mujoco, or an .fmu file, found from the scenario file's folder.
+        friction: Road friction as a factor on the tyres' peak; of an .fmu file its parameter `friction`.
+        tyre: What shears the tyres of MuJoCo's car, see `MujocoPlant`.
+        grade, bank: Rise of its road per metre along x and along y.
+        patches: Patches of other friction on its road; tables of `FrictionPatch` in the file.
+        heights: Bumps on that road, None for none; in the file a table of what `HeightField.from_csv` takes.
+        map: Mapping file (TOML) of an FMU that is not ours; empty for none.
+        steer_offset: Added to every commanded road-wheel angle, in [rad]: a misaligned steering, which the
+            reported angle does not show.
+        mass, stiffness: Of the plant's car and of its tyres, as factors on what the controller knows.
+        delay: Until a command reaches the steering and the drive, in [s].
+        noise: Of the state that the controller gets, in multiples of `measurement.NOISE`; the judge sees the true one.
+        noise_seed: Of that noise.
+        measured_offset: By which that state lies to the left of where the car is, in [m].
+        isolate: Time limit of a step of an FMU that runs in a process of its own, in [s]; 0 to run it here.
+    """
+
+    kind: str = "mujoco"
+    friction: Positive = 1.0
+    tyre: Literal["magic-formula", "contact", "stock-contact"] = "magic-formula"
+    grade: float = 0.0
+    bank: float = 0.0
+    patches: tuple[Any, ...] = ()
+    heights: Any = None
+    map: str = ""
+    steer_offset: float = 0.0
+    mass: Factor = 1.0
+    stiffness: Factor = 1.0
+    delay: NotNegative = 0.0
+    noise: NotNegative = 0.0
+    noise_seed: Annotated[int, Meta(ge=0)] = 0
+    measured_offset: float = 0.0
+    isolate: NotNegative = 0.0
+
+    @property
+    def name(self) -> str:
+        """For tables and file names: the kind, or the file's name without folder and ending."""
+        return Path(self.kind).stem
+
+    @property
+    def surface(self) -> Surface:
+        """The road of MuJoCo's car."""
+        return Surface(self.grade, self.bank, self.patches, self.heights)
+
+
+@dataclass
+class _Heights:
+    path: str
+    spacing: Positive
+    x: float = 0.0
+    y: float = 0.0
+
+
+def plant_settings(table: dict[str, Any], folder: Path) -> PlantSettings:
+    """The settings of a scenario file's table `plant`; files that it names are found from `folder`.
+
+    Raises:
+        InputError: Unknown key, a value that cannot be used, or a file that cannot be read.
+    """
+    plant = PlantSettings(**checked(PlantSettings, table, "plant"))
+    kind = str(folder / plant.kind) if plant.kind.endswith(".fmu") else plant.kind
+    patches = tuple(built(FrictionPatch, patch, f"plant.patches[{i}]") for i, patch in enumerate(plant.patches))
+    heights = None if plant.heights is None else _heights(plant.heights, folder)
+    map_file = str(folder / plant.map) if plant.map else ""
+    return replace(plant, kind=kind, patches=patches, heights=heights, map=map_file)
+
+
+def _heights(table: Any, folder: Path) -> HeightField:
+    values = checked(_Heights, table, "plant.heights")
+    return HeightField.from_csv(file_at(folder, values.pop("path"), "plant.heights.path"), **values)
