@@ -187,7 +187,7 @@ def plan_path(station, offset, speed, cruise, polygons, speeds, committed, certa
         p: PlannerSettings.
 
     Returns:
-        The fields of `PlannedPath`.
+        PlannedPath.
     """
     pace, spacing = max(speed, 1.0), layer_spacing(speed)
     first = (math.floor(station / spacing + 1.5)) * spacing - station
@@ -232,7 +232,7 @@ def plan_path(station, offset, speed, cruise, polygons, speeds, committed, certa
             if narrow or (squeezed[i] and not squeezed[: i + 1].all()):
                 blocker, room = GAP_TOO_NARROW, path_stations[i - 1]
                 break
-    return path_stations, path, right, left, sides, least, blocker, room, settled
+    return PlannedPath(path_stations, path, right, left, sides, least, blocker, room, settled)
 
 
 @njit(cache=True, nogil=True)
