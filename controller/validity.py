@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from sidestep.controller.config import ControllerConfig
 from sidestep.controller.mpc.car_model import Car, axle_force, peak_slip
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.vehicle.parameters import GRAVITY
 
 Array = NDArray[np.float64]
@@ -86,7 +86,7 @@ class Validity:
         )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _slip_of(force, stiffness, load, car):
     """Smallest slip angle at which an axle makes a force, in [rad]; that of the peak if it never does."""
     if not car.affine:
