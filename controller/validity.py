@@ -66,10 +66,9 @@ class Validity:
             raise InputError(
                 "controller.validity", f"{str(path)!r}: {error}", "a file of `sidestep validate`"
             ) from error
+        if problem := _problem(speeds, frictions, limits):
+            raise InputError("controller.validity", f"{str(path)!r}: {problem}", "a file of `sidestep validate`")
         order = np.argsort(frictions)
-        usable = limits.shape == (len(frictions), len(speeds)) and limits.size > 0
-        if not usable or not np.isfinite(limits).all() or (limits < 0.0).any() or (np.diff(speeds) <= 0.0).any():
-            raise InputError("controller.validity", f"{str(path)!r}: no table of limits by friction and speed")
         return cls(speeds, frictions[order], limits[order])
 
     def by_speed(self, friction: float) -> Array:
@@ -84,6 +83,22 @@ class Validity:
             _slip_of(share * car.load_f, car.stiffness_f, car.load_f, car),
             _slip_of(share * car.load_r, car.stiffness_r, car.load_r, car),
         )
+
+
+def _problem(speeds: Array, frictions: Array, limits: Array) -> str:
+    """Why the table of one model is not to be trusted; empty if it is."""
+    if not (limits.size and speeds.ndim == frictions.ndim == 1 and limits.shape == (frictions.size, speeds.size)):
+        return f"limits of shape {limits.shape} for {frictions.shape} frictions and {speeds.shape} speeds"
+    if not (np.isfinite(speeds).all() and speeds[0] >= 0.0 and (np.diff(speeds) > 0.0).all()):
+        return f"speeds that do not rise from 0 or more: {speeds.tolist()}"
+    if not (np.isfinite(frictions) & (frictions > 0.0)).all():
+        return f"a friction that is not positive: {frictions.tolist()}"
+    rows = frictions.tolist()
+    if twice := [friction for friction in rows if rows.count(friction) > 1]:
+        return f"friction {twice[0]:g} stands in more than one row"  # which limit holds?
+    if not (np.isfinite(limits) & (limits >= 0.0)).all():
+        return "a limit that is negative or no number"
+    return ""
 
 
 @kernel
