@@ -2,14 +2,13 @@
 
 import math
 
-from numba import njit
-
 from sidestep.controller.decision.corridor import excess_over
 from sidestep.controller.decision.stopping import approach_speed, spare_braking, squeezed_speed
 from sidestep.controller.mpc.prediction import SLOWEST, sampled
 from sidestep.controller.mpc.roll import roll_ahead
 from sidestep.controller.mpc.unconstrained import line_value
 from sidestep.controller.records import SLACKS, STATES
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.signals import Status
 from sidestep.plant_models.speed_control import SPEED_GAIN
 
@@ -22,7 +21,7 @@ STANDSTILL = 0.1
 TRACKING, DEGRADED, BLOCKED, FAULT = (int(status) for status in Status)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def take(m, w, c, solved):
     """States along the moves of `z`, and how far they leave the soft bounds."""
     grid = c.grid
@@ -48,7 +47,7 @@ def take(m, w, c, solved):
                 w.slack_slip = max(w.slack_slip, excess)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def answer(m, w, c, state, solved):
     """Fill the plan and the command.
 
@@ -88,7 +87,7 @@ def answer(m, w, c, state, solved):
         fall_back(m, c, state.time, w.solver_status, True)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _speed(m, w, c, v):
     """Speed to hold, and free distance before what blocks the road."""
     grid, target, distance = c.grid, m.cruise, math.inf
@@ -108,7 +107,7 @@ def _speed(m, w, c, v):
     return max(target, v - spare_braking(v * swerve, c.car.friction) / SPEED_GAIN), max(distance, 0.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def fall_back(m, c, now, solver_status, failed):
     """The last good plan shifted to now; when that is too old, hold the angle and slow down.
 
@@ -145,7 +144,7 @@ def fall_back(m, c, now, solver_status, failed):
     _command(m, c)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _make_finite(plan, n):
     """What a failed solve left is shown as zero where it is no number."""
     for k in range(n + 1):
@@ -161,7 +160,7 @@ def _make_finite(plan, n):
         plan.primal_residual = plan.dual_residual = 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _command(m, c):
     """The plan's angle one period ahead, less what the wheels have anyway, as the command to send."""
     plan, limit = m.plans[m.last], c.car.steer_limit

@@ -25,21 +25,21 @@ OBSTACLES = 64
 SPEEDS = 64
 """Room for the speeds of a validity table."""
 
-F, I, B = np.float64, np.int64, np.bool_
+F, N, B = np.float64, np.int64, np.bool_
 
 STATE = np.dtype([(name, F) for name in ("time", "x", "y", "yaw", "v_x", "v_y", "yaw_rate", "steer_angle")], align=True)
 """As VehicleState."""
 
-COMMAND = np.dtype([("time", F), ("steer_angle", F), ("target_speed", F), ("status", I)], align=True)
+COMMAND = np.dtype([("time", F), ("steer_angle", F), ("target_speed", F), ("status", N)], align=True)
 """As SteeringCommand."""
 
 PLAN = np.dtype(
     [
-        ("time", F), ("status", I), ("s", F, (LAYERS + 1,)), ("l", F, (LAYERS + 1,)), ("left", F, (LAYERS + 1,)),
+        ("time", F), ("status", N), ("s", F, (LAYERS + 1,)), ("l", F, (LAYERS + 1,)), ("left", F, (LAYERS + 1,)),
         ("right", F, (LAYERS + 1,)), ("states", F, (NODES + 1, STATES)), ("roll", F, (NODES + 1, 2)),
-        ("states_s", F, (NODES + 1,)), ("layers", I), ("solver_status", I), ("iterations", I), ("primal_residual", F),
+        ("states_s", F, (NODES + 1,)), ("layers", N), ("solver_status", N), ("iterations", N), ("primal_residual", F),
         ("dual_residual", F), ("slack_corridor", F), ("slack_slip", F), ("feasible", B), ("stop_distance", F),
-        ("target_speed", F), ("ids", I, (OBSTACLES,)), ("sides", I, (OBSTACLES,)), ("obstacles", I),
+        ("target_speed", F), ("ids", N, (OBSTACLES,)), ("sides", N, (OBSTACLES,)), ("obstacles", N),
     ],
     align=True,
 )  # fmt: skip
@@ -52,12 +52,12 @@ MEMORY = np.dtype(
     [
         ("command", COMMAND), ("commanded", B),
         ("heard", F),  # time of the last state that could be used; -inf before the first
-        ("sent", F, (DELAYS,)), ("on_the_way", I),  # the angle in force, then those on their way
+        ("sent", F, (DELAYS,)), ("on_the_way", N),  # the angle in force, then those on their way
         ("station", F),  # NaN before the first step
-        ("cruise", F), ("ids", I, (OBSTACLES,)), ("sides", I, (OBSTACLES,)), ("obstacles", I), ("held_up", B),
+        ("cruise", F), ("ids", N, (OBSTACLES,)), ("sides", N, (OBSTACLES,)), ("obstacles", N), ("held_up", B),
         ("before_time", F), ("before", F, (STATES,)),  # time and state of the last step; NaN before it
         ("disturbance", DISTURBANCE), ("roll", F, (2,)),
-        ("plans", PLAN, (2,)), ("last", I), ("good", I),  # indices into plans, -1 if there is none
+        ("plans", PLAN, (2,)), ("last", N), ("good", N),  # indices into plans, -1 if there is none
         ("moves", F, (MOVES,)), ("active", np.int8, (LINES,)),
     ],
     align=True,
@@ -93,9 +93,9 @@ PLANNER = np.dtype(
 
 GRID = np.dtype(
     [
-        ("nodes", I), ("moves", I), ("groups", I), ("times", F, (NODES,)), ("steps", F, (NODES,)),
-        ("level", I, (NODES,)), ("block", I, (NODES,)), ("group", I, (NODES,)), ("force_times", F, (GROUPS,)),
-        ("first", I), ("slip_nodes", I, (SLIP_NODES,)), ("slips", I), ("swerve", I),
+        ("nodes", N), ("moves", N), ("groups", N), ("times", F, (NODES,)), ("steps", F, (NODES,)),
+        ("level", N, (NODES,)), ("block", N, (NODES,)), ("group", N, (NODES,)), ("force_times", F, (GROUPS,)),
+        ("first", N), ("slip_nodes", N, (SLIP_NODES,)), ("slips", N), ("swerve", N),
         ("clearance", F, (NODES,)), ("levers", F, (2,)), ("literal", B),
     ],
     align=True,
@@ -108,9 +108,10 @@ WEIGHTS = np.dtype(
 
 SETTINGS = np.dtype(
     [
-        ("car", CAR), ("planner", PLANNER), ("grid", GRID), ("weights", WEIGHTS), ("slip_limits", F, (2,)), ("peaks", F, (2,)),
-        ("valid", I), ("valid_speeds", F, (SPEEDS,)), ("valid_accelerations", F, (SPEEDS,)),
-        ("period", F), ("cruise", F), ("delay", I), ("rolls", B), ("rejects", B), ("buffer", F), ("tightening", F),
+        ("car", CAR), ("planner", PLANNER), ("grid", GRID), ("weights", WEIGHTS), ("slip_limits", F, (2,)),
+        ("peaks", F, (2,)),
+        ("valid", N), ("valid_speeds", F, (SPEEDS,)), ("valid_accelerations", F, (SPEEDS,)),
+        ("period", F), ("cruise", F), ("delay", N), ("rolls", B), ("rejects", B), ("buffer", F), ("tightening", F),
         ("comfort_braking", F), ("standstill_gap", F), ("front", F),
     ],
     align=True,
@@ -131,9 +132,9 @@ WORK = np.dtype(
         ("residual", F, (3,)), ("gradient", F, (3, MOVES)), ("weight", F, (3,)),
         ("P", F, (MOVES + SLACKS, MOVES + SLACKS)), ("q", F, (MOVES + SLACKS,)),
         ("lines", F, (LINES,)), ("slopes", F, (LINES, MOVES)), ("low", F, (LINES,)), ("high", F, (LINES,)),
-        ("slack", I, (LINES,)), ("count", I), ("elimination", F, (MOVES, MOVES + 1)),
+        ("slack", N, (LINES,)), ("count", N), ("elimination", F, (MOVES, MOVES + 1)),
         ("z", F, (MOVES + SLACKS,)), ("states", F, (NODES + 1, STATES)),
-        ("solver_status", I), ("iterations", I), ("primal_residual", F), ("dual_residual", F),
+        ("solver_status", N), ("iterations", N), ("primal_residual", F), ("dual_residual", F),
         ("slack_corridor", F), ("slack_slip", F),
     ],
     align=True,

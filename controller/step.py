@@ -6,8 +6,6 @@ step comes in two halves, between which somebody solves the QP that is stacked i
 
 import math
 
-from numba import njit
-
 from sidestep.controller.answer import answer, fall_back, take
 from sidestep.controller.decision.decide import decide
 from sidestep.controller.mpc.condense import condense
@@ -18,6 +16,7 @@ from sidestep.controller.mpc.unconstrained import solve_freely
 from sidestep.controller.perception.locate import locate
 from sidestep.controller.records import STATES
 from sidestep.controller.validity import slip_limits
+from sidestep.plant_models.kernels import kernel
 
 TRUSTED_SLIP = 0.05
 """Excess over the slip bound, in [rad], from which on a prediction is nothing to take tangents at: they would only
@@ -26,14 +25,14 @@ ANSWERED, SOLVED, BOUNDED = range(3)
 """What the first half leaves: an answer, the optimum, or a QP to be solved."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def usable(m, state):
     """Whether a state is finite and newer than the last one."""
     total = state.time + state.x + state.y + state.yaw + state.v_x + state.v_y + state.yaw_rate + state.steer_angle
     return math.isfinite(total) and state.time > m.heard
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def look_back(m, w, c, state):
     """What the last good plan predicted; the present state for ever, if there is none to be trusted."""
     n = c.grid.nodes
@@ -47,7 +46,7 @@ def look_back(m, w, c, state):
             w.before_roll[k, i] = good.roll[k, i] if trusted else 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def prepare(memory, settings, table, period, boxes, states, work):
     """The first half of a step: locate, decide, bound, condense, and solve without bounds.
 
@@ -82,7 +81,7 @@ def prepare(memory, settings, table, period, boxes, states, work):
     return SOLVED if solve_freely(w, c) else BOUNDED
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def finish(memory, settings, states, work, solved):
     """The second half: predict with the moves found, choose the speed, answer; fall back if they are none."""
     m, c, w, state = memory[0], settings[0], work[0], states[0]

@@ -3,13 +3,13 @@
 import math
 
 import numpy as np
-from numba import njit
 
 from sidestep.controller.decision.corridor import footprint_bounds, obstacle_polygons, path_reference
 from sidestep.controller.decision.lattice import LATERAL_STEP, LAYERS, arrival_times, layer_spacing
 from sidestep.controller.decision.planner import FREE, plan_path
 from sidestep.controller.mpc.prediction import sampled
 from sidestep.controller.records import OBSTACLES
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.road.clothoid import curvature_at
 
 VIEW_TIME = 6.0
@@ -31,7 +31,7 @@ EDGE_TIME = 1.0
 """How long before what comes, and after, the road's edge is no reason to slow down, in [s]."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _in_view(s, speed, cruise, now, boxes, period, settings):
     """Which boxes can be met on the way, and these with s from the car on, at present."""
     end = (LAYERS + 1) * layer_spacing(speed)
@@ -53,7 +53,7 @@ def _in_view(s, speed, cruise, now, boxes, period, settings):
     return near, boxes
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _way_out(offset, lateral, speed, settings):
     """How far a car that is in an obstacle's lane drives until it can be out of it, in [m]; 0 if it cannot."""
     hard, pace = settings.half_width + settings.buffer, max(speed, 1.0)
@@ -70,7 +70,7 @@ def _way_out(offset, lateral, speed, settings):
     return aside * spacing / (slope * LATERAL_STEP) + 2.0 * spacing + settings.reach
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _coming(polygons, speeds, settings):
     """Which obstacles would run into a car that stands in their lane: oncoming ones, and those from behind."""
     coming = np.zeros(speeds.shape[0], np.bool_)
@@ -80,7 +80,7 @@ def _coming(polygons, speeds, settings):
     return coming
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _plan(s, offset, speed, cruise, polygons, speeds, committed, held_up, settings):
     """The path; a car that is held up waits where what comes passes it.
 
@@ -119,7 +119,7 @@ def _plan(s, offset, speed, cruise, polygons, speeds, committed, held_up, settin
     return path
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _room_to_leave(gap, pace, lateral, stations, offsets, settings):
     """The gap less what the car needs to swing out from behind an obstacle.
 
@@ -134,7 +134,7 @@ def _room_to_leave(gap, pace, lateral, stations, offsets, settings):
     return max(gap - max(aside, 0.0) / settings.max_slope, min(gap, least))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _gap(blocker, room, pace, stations, offsets, polygons, speeds, settings):
     """Fields gap and gap_speed of `Corridor`."""
     if blocker == FREE:
@@ -148,7 +148,7 @@ def _gap(blocker, room, pace, stations, offsets, polygons, speeds, settings):
     return gap, speeds[blocker]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _firmness(stations, settled, pace, gentle):
     """Field firmness of `Corridor`."""
     full = min(max(2.0 * pace / FULL_EASE_SPEED - 1.0, 0.0), 1.0) if gentle else 0.0
@@ -157,7 +157,7 @@ def _firmness(stations, settled, pace, gentle):
     return firmness
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _stations_ahead(pace, steps, direction):
     """Stations of the nodes from the car on, in [m]: a car that goes across the road gets less far along it."""
     stations, station, before = np.empty(steps.shape[0]), 0.0, direction[0]
@@ -167,7 +167,7 @@ def _stations_ahead(pace, steps, direction):
     return stations
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _bounds(way, sides, edges, c):
     stations, pace, direction, turn, curvature, polygons, speeds = way
     grid, n = c.grid, c.grid.nodes
@@ -177,7 +177,7 @@ def _bounds(way, sides, edges, c):
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _sides_of(near, m):
     """Passing sides kept of the obstacles in view."""
     sides = np.zeros(near.shape[0], np.int64)
@@ -188,7 +188,7 @@ def _sides_of(near, m):
     return sides
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _remember(near, sides, blocked, m, plan):
     """Keep the passing sides for the next step; a car that is held up keeps those that it had."""
     plan.obstacles = min(near.shape[0], OBSTACLES)
@@ -213,7 +213,7 @@ def _remember(near, sides, blocked, m, plan):
         m.ids[i], m.sides[i] = ids[i], kept[i]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def decide(m, w, c, road, boxes, state, plan):
     """Search the path and bound the footprint along the prediction.
 

@@ -2,8 +2,7 @@
 
 import math
 
-from numba import njit
-
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.vehicle.parameters import GRAVITY
 
 SPEED_RESPONSE = 1.0
@@ -22,7 +21,7 @@ GAP_TIME = 2.0
 """Time in which a gap that is too small is opened again, in [s]."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def approach_speed(distance, obstacle_speed, braking):
     """Target speed at a distance before an obstacle.
 
@@ -43,14 +42,14 @@ def approach_speed(distance, obstacle_speed, braking):
     return ahead + math.sqrt(lead * lead + 2.0 * braking * distance) - lead
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def spare_braking(lateral, friction):
     """Deceleration that the tyres have left beside a lateral acceleration; both in [m/s^2]."""
     grip = GRIP_SHARE * friction * GRAVITY
     return math.sqrt(max(grip * grip - lateral * lateral, LEAST_BRAKING**2))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def squeezed_speed(excess, room, blocked, config):
     """Target speed for a prediction that leaves the corridor, in [m/s]; infinite if that is no reason to slow down.
 

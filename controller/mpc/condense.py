@@ -1,13 +1,12 @@
 """Condensing: the predicted states as a free response plus a slope in the moves."""
 
-from numba import njit
-
 from sidestep.controller.mpc.discretise import exponential, square
 from sidestep.controller.mpc.prediction import FRONT, RATE, REAR, TURN, model_block
 from sidestep.controller.records import STATES
+from sidestep.plant_models.kernels import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def condense(w, c):
     """States at the nodes as free response plus slope in the moves.
 
@@ -24,7 +23,7 @@ def condense(w, c):
         _propagate(k, w, grid)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _discretise(k, w, c):
     """[A_k, B_k] of step k; twice the step before, or the same again, wherever that is so."""
     grid, line = c.grid, w.forces[c.grid.group[k]]
@@ -40,7 +39,7 @@ def _discretise(k, w, c):
     exponential(w.generator, grid.steps[k], w.exponential, w.products)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _propagate(k, w, grid):
     e, line, free, response = w.exponential, w.forces[grid.group[k]], w.free, w.response
     moved = grid.block[k - 1] + 1 if k > 0 else 0  # moves that the state before depends on

@@ -2,9 +2,8 @@
 
 import math
 
-from numba import njit
-
 from sidestep.controller.records import STATES
+from sidestep.plant_models.kernels import kernel
 
 WIDTH = 10
 """Columns of a generator: states, then the held inputs of `prediction`."""
@@ -19,7 +18,7 @@ _Y2 = (857.0 - 58.0 * _R) / 630.0
 """Of the polynomial in `exponential`."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _multiply(a, b, identity, out):
     """Product of upper blocks: of [[a], [0, identity]] with [[b], [0, identity]]; with b's only, if a's is 0."""
     for i in range(STATES):
@@ -32,7 +31,7 @@ def _multiply(a, b, identity, out):
                     out[i, j] += factor * b[k, j]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def exponential(a, dt, e, products):
     """Upper rows of the exponential of [[a], [0]] dt by scaling, an eighth-order Taylor polynomial and squaring.
 
@@ -78,7 +77,7 @@ def exponential(a, dt, e, products):
         square(e, product)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def square(e, product):
     """Turn [A_k, B_k] into that of twice the step; `product` is work space, shape (6, 10)."""
     _multiply(e, e, 1.0, product)

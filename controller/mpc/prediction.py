@@ -7,12 +7,11 @@ within each step), the heading rate of the road, and the axle forces at zero sli
 
 import math
 
-from numba import njit
-
 from sidestep.controller.mpc.car_model import axle_force, least_slope, slip_angles, tangent
 from sidestep.controller.mpc.discretise import WIDTH
 from sidestep.controller.mpc.roll import advance_roll, felt, lateral_acceleration
 from sidestep.controller.records import STATES
+from sidestep.plant_models.kernels import kernel
 
 RATE, TURN, FRONT, REAR = 6, 7, 8, 9
 """Columns of the inputs."""
@@ -24,7 +23,7 @@ MOST_STEPS = 10_000
 """Bound on the steps of one command."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def model_block(speed, slope_f, slope_r, car, a):
     """Generator of [x; w]: the upper rows of [[A, B], [0, 0]].
 
@@ -53,7 +52,7 @@ def model_block(speed, slope_f, slope_r, car, a):
         _relax(a, v, slope_f, slope_r, car)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def tyre_lag(v, slopes, car):
     """Time until forces follow slip, in [s].
 
@@ -69,7 +68,7 @@ def tyre_lag(v, slopes, car):
     return lag / (1.0 + (2.0 * lag * slopes / (car.mass * v)) ** 2)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _relax(a, v, slope_f, slope_r, car):
     """Let axle forces lag behind their slip angles by the time the tyres take to roll their relaxation length.
 
@@ -87,7 +86,7 @@ def _relax(a, v, slope_f, slope_r, car):
         a[2, j], a[3, j] = (own_r * b - cross_b * r) / determinant, (own_b * r - cross_r * b) / determinant
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def linearise(w, c):
     """Axle forces as lines through the slip angles that an earlier prediction expects.
 
@@ -118,7 +117,7 @@ def linearise(w, c):
         lines[g, 4] = aside
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _place(grid, time):
     """Node after a time, 0 for now, and how far between the node before and that one the time is."""
     n = grid.nodes
@@ -129,19 +128,19 @@ def _place(grid, time):
     return n, 1.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _between(rows, i, part, column):
     return rows[i - 1, column] + part * (rows[i, column] - rows[i - 1, column])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def sampled(rows, column, time, grid):
     """A column of a prediction at a time from its start [s], held beyond its end; rows of shape (N + 1, ...)."""
     i, part = _place(grid, time)
     return _between(rows, i, part, column)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _rates(x, feels, v, turn_rate, disturbance, command, car, rates):
     front, rear = slip_angles(x[2] + feels[0] / v, x[3], x[4], v, car)
     force_f = axle_force(front, car.stiffness_f, car.load_f, car, feels[1]) + disturbance[0]
@@ -157,7 +156,7 @@ def _rates(x, feels, v, turn_rate, disturbance, command, car, rates):
     rates[5] = 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def advance(x, roll, motion, disturbance, command, period, car, work):
     """Simulate the nonlinear model through a command that is already on its way (RK4).
 
@@ -192,7 +191,7 @@ def advance(x, roll, motion, disturbance, command, period, car, work):
         roll[0], roll[1] = advance_roll(roll[0], roll[1], lateral_acceleration(before, x, v, h), h, car.body)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def steady_gain(speed, car):
     """Steady lateral acceleration per road-wheel angle, v^2 / (L + K v^2), in [m/s^2/rad], of the linear car."""
     wheelbase = car.l_f + car.l_r

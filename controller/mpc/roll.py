@@ -8,9 +8,8 @@ no state of the prediction: it follows, as a linear oscillator, from the lateral
 import math
 from typing import NamedTuple
 
-from numba import njit
-
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 
 ROLL_STEP = 0.01
@@ -59,7 +58,7 @@ class Body(NamedTuple):
         return cls(height, vehicle.mass * height / inertia, upright / inertia, damping / inertia, *axles)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def advance_roll(angle, rate, lateral, dt, body):
     """Roll angle [rad, to the right] and rate [rad/s] after `dt` [s] of lateral acceleration `lateral` [m/s^2]."""
     steps = math.ceil(dt / ROLL_STEP)
@@ -71,7 +70,7 @@ def advance_roll(angle, rate, lateral, dt, body):
     return angle, rate
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def felt(angle, rate, body):
     """What the tyres feel.
 
@@ -83,7 +82,7 @@ def felt(angle, rate, body):
     return body.height * rate, front, body.rear[0] * angle + body.rear[1] * rate
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def roll_ahead(now, grid, states, speed, body, roll):
     """Roll along a prediction.
 
@@ -101,7 +100,7 @@ def roll_ahead(now, grid, states, speed, body, roll):
         roll[k + 1, 0], roll[k + 1, 1] = advance_roll(roll[k, 0], roll[k, 1], lateral, grid.steps[k], body)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def lateral_acceleration(before, now, speed, dt):
     """Mean lateral acceleration [m/s^2] between two states of `prediction`, shape (6,), `dt` [s] apart."""
     return speed * ((now[2] - before[2]) / dt + 0.5 * (now[3] + before[3]))

@@ -6,17 +6,17 @@ solved once more with both rows of every line.
 """
 
 import numpy as np
-from numba import njit
 
 from sidestep.controller.mpc.stack import SLACK_UNIT
 from sidestep.controller.mpc.unconstrained import line_value
 from sidestep.controller.records import SLACKS
+from sidestep.plant_models.kernels import kernel
 
 NEAREST, RESERVE = 20, 12
 """Rows to begin with, and to add: another round costs more than twenty rows."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def fill_cost(work, moves, P, c):
     """Copy the stacked cost into matrices of the solver's size."""
     w, size = work[0], moves + SLACKS
@@ -26,7 +26,7 @@ def fill_cost(work, moves, P, c):
             P[i, j] = w.P[i, j]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def fill_rows(work, last, G, h_l, h_u):
     """Rows: the bounds nearest to the last solution and an empty reserve; all bounds if G has room for them.
 
@@ -56,7 +56,7 @@ def fill_rows(work, last, G, h_l, h_u):
         _put_row(row, i, above[i] < below[i], w, G, h_u)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _put_row(row, i, upper, w, G, h_u):
     """Write one bound of line i into a row: sign (line - bound) <= slack."""
     sign, bound = (1.0, w.high[i]) if upper else (-1.0, w.low[i])
@@ -68,7 +68,7 @@ def _put_row(row, i, upper, w, G, h_u):
     h_u[row] = sign * (bound - w.lines[i])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def add_violated(work, used, tolerance, G, h_u):
     """Move violated bounds that have no row yet into the reserve.
 

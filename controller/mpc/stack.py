@@ -5,8 +5,6 @@ lines: value without moves, slope in the moves, a lower and an upper bound, and 
 knows none of the terms and limits: each is a file of `costs` or `limits`.
 """
 
-from numba import njit
-
 from sidestep.controller.mpc.costs.acceleration import acceleration
 from sidestep.controller.mpc.costs.effort import effort
 from sidestep.controller.mpc.costs.lateral_speed import lateral_speed
@@ -15,6 +13,7 @@ from sidestep.controller.mpc.limits.angle import angle
 from sidestep.controller.mpc.limits.corridor import corridor
 from sidestep.controller.mpc.limits.slip import slip
 from sidestep.controller.records import SLACKS
+from sidestep.plant_models.kernels import kernel
 
 SLACK_UNIT, SLACK_CURVATURE = 0.01, 1e3
 """Slack is counted in centimetres and hundredths of a radian: with all variables of one order PIQP needs no
@@ -26,7 +25,7 @@ TERMS = 3
 """Residuals of a node."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def stack_costs(w, c):
     """Sum the cost terms into 1/2 z'Pz + q'z; Eq. (15).
 
@@ -55,7 +54,7 @@ def stack_costs(w, c):
     g[moves], g[moves + 1] = c.weights.corridor * SLACK_UNIT, c.weights.slip * SLACK_UNIT
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _add_squares(count, w):
     """Half the weighted squares of a node's residuals, which depend on the first `count` moves."""
     P, g, y = w.P, w.q, w.gradient
@@ -66,7 +65,7 @@ def _add_squares(count, w):
             P[q, r] += l * y[0, r] + e * y[1, r] + a * y[2, r]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def stack_limits(w, c):
     """Fill the bounded lines; Eq. (16). Each limit takes the first free line and gives back the next one."""
     w.count = angle(slip(corridor(0, w, c), w, c), w, c)

@@ -1,11 +1,10 @@
 """The optimum without bounds: mostly it keeps them all, and is the optimum."""
 
-from numba import njit
-
 from sidestep.controller.records import SLACKS
+from sidestep.plant_models.kernels import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def solve_freely(w, c):
     """Optimum without bounds and slacks, by elimination: P is positive definite and needs no pivots.
 
@@ -43,7 +42,7 @@ def solve_freely(w, c):
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def line_value(i, w, moves):
     """Value of line i at the moves of `z`."""
     value = w.lines[i]

@@ -3,19 +3,19 @@
 import math
 
 import numpy as np
-from numba import njit
 
 from sidestep.controller.mpc.prediction import advance
 from sidestep.controller.mpc.roll import advance_roll, lateral_acceleration
 from sidestep.controller.perception.observer import observe_disturbance
 from sidestep.controller.records import STATES
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.road.clothoid import curvature_at, project_at
 
 OBSERVED_SPEED = 3.0
 """Speed below which nothing is learned: sideslip is not defined well, in [m/s]."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def locate(m, w, c, road, state):
     """Station, prediction state and roll at the time when the next command takes effect.
 
@@ -49,7 +49,7 @@ def locate(m, w, c, road, state):
         advance(x, w.roll, (v, turn_rate), w.disturbance, command, c.period, car, w.runge_kutta)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _observe(m, w, c, state):
     """Learn from how the last step really went."""
     passed, angle, rate = state.time - m.before_time, m.roll[0], m.roll[1]
@@ -66,12 +66,12 @@ def _observe(m, w, c, state):
         m.before[i] = w.x0[i]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def turned(angle):
     """An angle less its whole turns, in [rad]."""
     return angle - math.tau * np.rint(angle / math.tau)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _within(angle, limit):
     return min(max(angle, -limit), limit)

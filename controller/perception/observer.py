@@ -9,11 +9,10 @@ part of a mismatch is taken, transients are left alone.
 
 import math
 
-from numba import njit
-
 from sidestep.controller.mpc.car_model import axle_force, slip_angles
 from sidestep.controller.mpc.prediction import SLOWEST, tyre_lag
 from sidestep.controller.mpc.roll import felt, lateral_acceleration
+from sidestep.plant_models.kernels import kernel
 
 DISTURBANCE_TIME = 0.8
 """Time constant of the disturbance estimate, in [s]."""
@@ -27,7 +26,7 @@ LINEAR_SHARE = 0.5
 looks like a force."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def real_forces(before, now, v, period, car):
     """Lateral axle forces between two states, from Newton's and Euler's law.
 
@@ -45,12 +44,12 @@ def real_forces(before, now, v, period, car):
     return (car.l_r * lateral + moment) / wheelbase, (car.l_f * lateral - moment) / wheelbase
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _middle(before, now, i, share):
     return 0.5 * (before[i] + now[i]) - share * (now[i] - before[i])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _model_forces(before, now, sensor, roll, v, period, car):
     share = tyre_lag(v, car.stiffness_f + car.stiffness_r, car) / period
     aside, moved_f, moved_r = felt(roll[0], roll[1], car.body)
@@ -60,12 +59,12 @@ def _model_forces(before, now, sensor, roll, v, period, car):
     return front, rear, force_f, axle_force(rear, car.stiffness_r, car.load_r, car, moved_r)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _towards(estimate, target, gain, limit):
     return min(max(estimate + gain * (target - estimate), -limit), limit)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def observe_disturbance(d, before, now, roll, v, period, c):
     """One step of the disturbance observer.
 

@@ -1,11 +1,10 @@
 """Lateral acceleration: the sum of the axle forces over the mass."""
 
-from numba import njit
-
 from sidestep.controller.mpc.prediction import SLOWEST
+from sidestep.plant_models.kernels import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def acceleration(row, k, dt, w, c):
     """Residual a_y of node k, weighted by `weight_acceleration`; see `costs.offset`."""
     car, line, v = c.car, w.forces[c.grid.group[k]], max(w.speed[k], SLOWEST)

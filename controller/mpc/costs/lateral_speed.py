@@ -1,11 +1,10 @@
 """Lateral speed against the planned path."""
 
-from numba import njit
-
 from sidestep.controller.mpc.prediction import SLOWEST
+from sidestep.plant_models.kernels import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def lateral_speed(row, k, dt, w, c):
     """Residual e_phi - heading of the path of node k, weighted by `weight_lateral_speed` v^2; see `costs.offset`."""
     v = max(w.speed[k], SLOWEST)

@@ -1,9 +1,9 @@
 """Distance to the planned path."""
 
-from numba import njit
+from sidestep.plant_models.kernels import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def offset(row, k, dt, w, c):
     """Residual l - l_path of node k, weighted by `weight_offset` and by how much the path counts there.
 

@@ -1,11 +1,10 @@
 """The commanded road-wheel angle stays within the actuator's range."""
 
-from numba import njit
-
 from sidestep.controller.records import SLACKS
+from sidestep.plant_models.kernels import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def angle(i, w, c):
     """Fill a hard line of the commanded angle after each move; see `limits.corridor`."""
     grid = c.grid

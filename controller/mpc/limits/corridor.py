@@ -1,9 +1,9 @@
 """Both ends of the footprint stay within the corridor (13)."""
 
-from numba import njit
+from sidestep.plant_models.kernels import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def corridor(i, w, c):
     """Fill lines l + lever e_phi of the footprint's front and rear, softened by slack 0.
 

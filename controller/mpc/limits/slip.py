@@ -1,11 +1,10 @@
 """Slip angles stay below the tyres' peak; stands for (14)."""
 
-from numba import njit
-
 from sidestep.controller.mpc.prediction import SLOWEST
+from sidestep.plant_models.kernels import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def slip(i, w, c):
     """Fill lines of the front and rear slip angle, softened by slack 1; see `limits.corridor`.
 
