@@ -17,6 +17,8 @@ NODES, MOVES, GROUPS, SLIP_NODES = 48, 24, 48, 16
 """Room for prediction nodes, moves, groups of nodes with one tangent, and nodes with slip limits: control periods of
 0.5 ms and more."""
 SLACKS = 2
+PADDING, WIDTH = 16, 32
+"""Vectors of the active set are padded to multiples of this; room for moves and slacks."""
 LINES = 2 * NODES + 2 * SLIP_NODES + MOVES
 DELAYS = 64
 """Room for commands on their way."""
@@ -48,6 +50,10 @@ PLAN = np.dtype(
 DISTURBANCE = np.dtype([("actuator", F), ("sensor", F), ("share", F), ("steps", F)], align=True)
 """See `perception.observer`."""
 
+ACTIVE_SET = np.dtype([("active", N, (MOVES + SLACKS,)), ("count", N)], align=True)
+"""Bounds that act, in the order in which they came: line i, or lines + i for variable i, at its upper bound; the same
+number's complement, ~i, at the lower."""
+
 MEMORY = np.dtype(
     [
         ("command", COMMAND), ("commanded", B),
@@ -58,7 +64,7 @@ MEMORY = np.dtype(
         ("before_time", F), ("before", F, (STATES,)),  # time and state of the last step; NaN before it
         ("disturbance", DISTURBANCE), ("roll", F, (2,)),
         ("plans", PLAN, (2,)), ("last", N), ("good", N),  # indices into plans, -1 if there is none
-        ("moves", F, (MOVES,)), ("active", np.int8, (LINES,)),
+        ("moves", F, (MOVES,)), ("active", ACTIVE_SET),
     ],
     align=True,
 )  # fmt: skip
@@ -118,6 +124,25 @@ SETTINGS = np.dtype(
 )  # fmt: skip
 """What holds for a drive; `valid` counts the speeds of the validity table, `cruise` is NaN for that of the start."""
 
+ROWS = -(-LINES // PADDING) * PADDING
+ACTIVE = np.dtype(
+    [
+        ("moves", N), ("slacks", N), ("width", N), ("rate", F), ("price", F, (SLACKS,)), ("curvature", F, (SLACKS,)),
+        ("ends", N, (SLACKS,)), ("factor", F, (MOVES, WIDTH)), ("J", F, (MOVES + SLACKS, WIDTH)),
+        ("R", F, (MOVES + SLACKS, WIDTH)), ("columns", F, (MOVES, ROWS)),
+        *((name, F, (WIDTH,)) for name in ("x", "step", "normal", "along", "z", "r", "u", "rhs", "multipliers")),
+        *((name, F, (ROWS + WIDTH,)) for name in ("low", "high", "weight", "value", "excess")),
+        ("line", N, (ROWS + WIDTH,)), ("place", N, (LINES + WIDTH,)), ("edges", N, (SLACKS,)),
+        ("active", N, (WIDTH,)), ("flags", N, (ROWS + WIDTH,)),
+    ],
+    align=True,
+)  # fmt: skip
+"""Work space of the active set: `factor` holds P and -q in elimination; rows of `J` and `R` are the matrices' columns,
+`columns` the slopes of the lines that have a bound, one row per move; x, step, normal, along, z, r, u, rhs: variables,
+their change, a normal, J'normal, the part of the normal that is new, change of the multipliers, multipliers, a
+right-hand side; low to excess of the lines left, padded, then of the variables; `line` is the number of each of these
+in `ACTIVE_SET`, `place` where that number is here (-1 if left out); `edges` ends the lines of each slack here."""
+
 WORK = np.dtype(
     [
         ("station", F), ("x0", F, (STATES,)), ("roll", F, (2,)), ("rolled", F, (2,)),
@@ -135,7 +160,7 @@ WORK = np.dtype(
         ("slack", N, (LINES,)), ("count", N), ("elimination", F, (MOVES, MOVES + 1)),
         ("z", F, (MOVES + SLACKS,)), ("states", F, (NODES + 1, STATES)),
         ("solver_status", N), ("iterations", N), ("primal_residual", F), ("dual_residual", F),
-        ("slack_corridor", F), ("slack_slip", F),
+        ("slack_corridor", F), ("slack_slip", F), ("active", ACTIVE),
     ],
     align=True,
 )  # fmt: skip

@@ -13,7 +13,7 @@ from sidestep.controller.paper import PaperMpc
 from sidestep.controller.plan import Plan
 from sidestep.controller.records import STATE, WORK, record
 from sidestep.controller.settings import settings_of
-from sidestep.controller.step import ANSWERED, BOUNDED, finish, prepare
+from sidestep.controller.step import BOUNDED, begin, finish, step
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road.reference_path import ReferencePath
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
@@ -33,7 +33,7 @@ class SteeringController:
                  config: ControllerConfig | None = None):  # fmt: skip
         self.vehicle, self.path, self.config = vehicle, path, config or ControllerConfig()
         self.obstacles = tuple(obstacles)
-        self._boxes = np.array(
+        self.boxes = np.array(
             [(o.s, o.l, o.length, o.width, o.heading, o.speed) for o in self.obstacles], dtype=np.float64
         ).reshape(-1, 6)
         self.settings = settings_of(vehicle, self.config)
@@ -47,6 +47,7 @@ class SteeringController:
             moves, nodes = int(grid["moves"]), int(grid["nodes"])
             count = 2 * (nodes - int(grid["first"])) + 2 * int(grid["slips"]) + moves
             self._solver = PiqpSolver(moves, count, vehicle.steer_rate_limit)
+        self._first = step if self.config.solver == "active-set" and not grid["literal"] else begin
         self._load_kernels()
 
     def _load_kernels(self) -> None:
@@ -118,14 +119,14 @@ class SteeringController:
         self._signals[:] = (
             state.time, state.x, state.y, state.yaw, state.v_x, state.v_y, state.yaw_rate, state.steer_angle,
         )  # fmt: skip
-        records = self._memory, self.settings
-        done = prepare(*records, self.path.table, self.path.period, self._boxes, self._state, self._work)
-        asked = time.perf_counter()
-        if done != ANSWERED:
-            solved = self._solver.solve(self._work, self._last_moves()) if done == BOUNDED else True
+        road = self.path.table, self.path.period
+        taken = self._first(self._memory, self.settings, *road, self.boxes, self._state, self._work)
+        asked = answered = time.perf_counter()
+        if taken == BOUNDED:
+            solved = self._solver.solve(self._work, self._last_moves())
             answered = time.perf_counter()
-            finish(*records, self._state, self._work, solved)
-            self._times = 1e6 * (answered - asked), 1e6 * (time.perf_counter() - began)
+            finish(self._memory, self.settings, self._state, self._work, solved)
+        self._times = 1e6 * (answered - asked), 1e6 * (time.perf_counter() - began)
         command = self._memory["command"][0]
         at, angle, target, status = command.item()
         return SteeringCommand(at, angle, target, _STATUS[status])

@@ -8,6 +8,7 @@ import math
 
 from sidestep.controller.answer import answer, fall_back, take
 from sidestep.controller.decision.decide import decide
+from sidestep.controller.mpc.active_set import solve_with_bounds
 from sidestep.controller.mpc.condense import condense
 from sidestep.controller.mpc.prediction import linearise
 from sidestep.controller.mpc.stack import stack_costs, stack_limits
@@ -88,3 +89,27 @@ def finish(memory, settings, states, work, solved):
     if not c.grid.literal:
         take(m, w, c, solved)
     answer(m, w, c, state, solved)
+
+
+@kernel
+def begin(memory, settings, table, period, boxes, states, work):
+    """A step as far as it goes without a solver; arguments as of `prepare`.
+
+    Returns:
+        BOUNDED if the stacked QP has to be solved before `finish` can answer.
+    """
+    done = prepare(memory, settings, table, period, boxes, states, work)
+    if done == SOLVED:
+        finish(memory, settings, states, work, True)
+    return done
+
+
+@kernel
+def step(memory, settings, table, period, boxes, states, work):
+    """A whole step, with the active set as solver; arguments and result as of `begin`."""
+    done = prepare(memory, settings, table, period, boxes, states, work)
+    if done == BOUNDED and solve_with_bounds(memory[0], work[0], settings[0]):
+        done = SOLVED
+    if done == SOLVED:
+        finish(memory, settings, states, work, True)
+    return done

@@ -25,10 +25,10 @@ _VERSIONS = (platform.python_version(), np.__version__, numba.__version__, llvml
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile `function` on its first call for each kind of arguments and keep the code for later processes.
 
-    It runs without the interpreter's lock. `kernel(function).py_func` is `function` itself, for other compilers;
-    with `NUMBA_DISABLE_JIT=1` nothing is compiled and `function` comes back.
+    It runs without the interpreter's lock, and a division by zero is no exception. `kernel(function).py_func` is
+    `function` itself, for other compilers; with `NUMBA_DISABLE_JIT=1` nothing is compiled and `function` comes back.
     """
-    compiled: Any = numba.njit(nogil=True)(function)
+    compiled: Any = numba.njit(nogil=True, error_model="numpy")(function)
     if compiled is not function:
         compiled._cache = _KernelCache(function)  # what `cache=True` does, with our key
     return compiled
