@@ -88,7 +88,7 @@ class Work(NamedTuple):
     """Work space: nothing in it outlasts a solve. Made by `work_space`.
 
     Attributes:
-        factor: H in elimination: unit lower triangle, pivots and upper triangle.
+        factor: H and -g in elimination.
         J, R: One row per column of the matrix.
         columns: G, one row per move; lines without a bound are left out.
         x, step, normal, along, z, r, u, rhs: Variables, their change, a normal, J'normal, the part of the normal that
@@ -132,7 +132,7 @@ def padded(size: int) -> int:
 def work_space(moves: int, slacks: int, lines: int) -> Work:
     """Memory for problems of this size."""
     n, width, rows = moves + slacks, padded(moves + slacks), padded(lines)
-    squares = (np.zeros((moves, width)), np.zeros((n, width)), np.zeros((n, width)), np.zeros((moves, rows)))
+    squares = (np.zeros((moves, padded(moves + 1))), np.zeros((n, width)), np.zeros((n, width)), np.zeros((moves, rows)))
     vectors, bounds = (np.zeros(width) for _ in range(8)), (np.zeros(rows + width) for _ in range(5))
     indices = (np.zeros(size, dtype=np.int64) for size in (rows + width, lines + n, slacks, width, rows + width))
     return Work(*squares, *vectors, *bounds, *indices)
@@ -144,7 +144,7 @@ def result_space(moves: int, slacks: int) -> Result:
     return Result(np.zeros(n), np.zeros(n, dtype=np.int64), np.zeros(n), np.zeros(1, dtype=np.int64))
 
 
-_kernel = njit(cache=True, nogil=True, error_model="numpy")
+_kernel = njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
 
 
 @_kernel
@@ -179,39 +179,44 @@ def solve(p, result, limit, w):
 
 @_kernel
 def _eliminate(p, w):
-    """Factor H and find the optimum without lines, by elimination; False if H is not positive or not finite."""
-    n, a, rhs, x = p.g.shape[0], w.factor, w.rhs, w.x
+    """Columns of J for the moves, and the optimum without lines; False if H is not positive or not finite.
+
+    Elimination turns H = L D L' and -g into D and L^-1 (in place of the zeros) and into -L^-1 g; J = L^-T D^-1/2.
+    """
+    n, slacks, a, x, width = p.g.shape[0], p.price.shape[0], w.factor, w.x, w.factor.shape[1]
     for i in range(n):
-        rhs[i] = -p.g[i]
         for j in range(n):
             a[i, j] = p.H[i, j]
+        a[i, n] = -p.g[i]
     for k in range(n):
         if not a[k, k] > SINGULAR * p.H[k, k] or not a[k, k] < np.inf:
             return False
         for i in range(k + 1, n):
             factor = a[i, k] / a[k, k]
-            for j in range(k + 1, n):
+            for j in range(width):
                 a[i, j] -= factor * a[k, j]
-            a[i, k] = factor
-            rhs[i] -= factor * rhs[k]
+            a[i, k] = -factor
     x[:] = 0.0
-    for i in range(n - 1, -1, -1):
-        value = rhs[i]
-        for j in range(i + 1, n):
-            value -= a[i, j] * x[j]
-        x[i] = value / a[i, i]
+    for i in range(n):
+        scale = 1.0 / math.sqrt(a[i, i])
+        part = scale * a[i, n]
+        a[i, i] = 1.0
+        for j in range(w.J.shape[1]):
+            value = scale * a[i, j] if j <= i else 0.0
+            w.J[slacks + i, j] = value
+            x[j] += part * value
     return True
 
 
 @_kernel
 def _load(p, w):
-    """Lines that have a bound, as columns, with their values; slack bounds active.
+    """Lines that have a bound, as columns, and the variables, with their values; slack bounds active.
 
     Returns:
-        How many there are of them, padding and variables; -1 if something is not finite or bounds cannot be kept.
+        How many there are of them, with padding; -1 if something is not finite or bounds cannot be kept.
     """
     n, slacks, lines = p.g.shape[0], p.price.shape[0], p.lower.shape[0]
-    finite, count, s = 0.0, 0, 0
+    count, s = 0, 0
     for i in range(lines):
         while s < slacks and i >= p.ends[s]:
             w.edges[s] = count
@@ -220,18 +225,12 @@ def _load(p, w):
         if not (low < np.inf and high > -np.inf):
             return -1
         w.place[i] = -1
-        if low <= -NO_BOUND and high >= NO_BOUND:
-            continue
-        value, square = 0.0, 1.0 if s < slacks else 0.0
-        for q in range(n):
-            slope = p.G[i, q]
-            w.columns[q, count] = slope
-            value += slope * w.x[q]
-            square += slope * slope
-        w.low[count], w.high[count], w.value[count], w.excess[count] = low, high, value, square
-        w.line[count], w.place[i] = i, count
-        count += 1
-        finite += 0.0 * square
+        if low > -NO_BOUND or high < NO_BOUND:
+            for q in range(n):
+                w.columns[q, count] = p.G[i, q]
+            w.low[count], w.high[count], w.excess[count] = low, high, 1.0 if s < slacks else 0.0
+            w.flags[count], w.line[count], w.place[i] = 0, i, count
+            count += 1
     while s < slacks:
         w.edges[s] = count
         s += 1
@@ -240,29 +239,46 @@ def _load(p, w):
         _leave_empty(i, w)
         for q in range(n):
             w.columns[q, i] = 0.0
-    for q in range(w.x.shape[0]):
-        i = rows + q
-        _leave_empty(i, w)
-        w.value[i] = w.x[q]
-        if q < n + slacks:
-            w.line[i], w.place[lines + q] = lines + q, i
-        if q < n:
-            w.low[i], w.high[i] = p.x_lower[q], p.x_upper[q]
-            finite += 0.0 * w.x[q]
-            if not (w.low[i] <= w.high[i] and w.low[i] < np.inf and w.high[i] > -np.inf):
-                return -1
-        elif q < n + slacks:
-            s = q - n
-            w.low[i] = 0.0
-            w.active[s], w.flags[i], w.u[s] = ~i, LOWER, p.price[s]
-            finite += 0.0 * p.price[s]
-            if not (p.price[s] >= 0.0 and 0.0 < p.curvature[s] < np.inf):
-                return -1
     total = rows + w.x.shape[0]
-    for i in range(count):
-        w.flags[i] = 0
-        w.weight[i] = 1.0 / math.sqrt(w.excess[i]) if w.excess[i] > 0.0 else 1.0
-    return total if finite == 0.0 else -1
+    _evaluate(p, total, w)
+    _weigh(n, rows, w)
+    finite = 0.0
+    for i in range(rows):
+        finite += 0.0 * w.value[i]
+    return total if finite == 0.0 and _load_variables(p, rows, w) else -1
+
+
+@_kernel
+def _weigh(n, rows, w):
+    """Distances instead of violations: one over the length of the normals, whose slack part is in `excess`."""
+    for q in range(n):
+        for i in range(rows):
+            w.excess[i] += w.columns[q, i] * w.columns[q, i]
+    for i in range(rows):
+        w.weight[i] = 1.0 / math.sqrt(w.excess[i] if w.excess[i] > 0.0 else 1.0)
+
+
+@_kernel
+def _load_variables(p, rows, w):
+    """Bounds of the variables, those of the slacks active; False if one is not finite or cannot be kept."""
+    n, slacks, lines, finite = p.g.shape[0], p.price.shape[0], p.lower.shape[0], 0.0
+    for q in range(w.x.shape[0]):
+        _leave_empty(rows + q, w)
+    for q in range(n):
+        i = rows + q
+        w.line[i], w.place[lines + q] = lines + q, i
+        w.low[i], w.high[i], w.value[i] = p.x_lower[q], p.x_upper[q], w.x[q]
+        finite += 0.0 * w.x[q]
+        if not (w.low[i] <= w.high[i] and w.low[i] < np.inf and w.high[i] > -np.inf):
+            return False
+    for s in range(slacks):
+        i = rows + n + s
+        w.line[i], w.place[lines + n + s] = lines + n + s, i
+        w.low[i], w.flags[i], w.active[s], w.u[s] = 0.0, LOWER, ~i, p.price[s]
+        finite += 0.0 * p.price[s]
+        if not (p.price[s] >= 0.0 and 0.0 < p.curvature[s] < np.inf):
+            return False
+    return finite == 0.0
 
 
 @_kernel
@@ -294,10 +310,7 @@ def _most_violated(p, total, w):
 
 @_kernel
 def _begin(p, result, warm, total, w):
-    """J of the slack bounds, then of the other bounds of an earlier solution; gives their count.
-
-    Bounds that depend on others are left out; then those go whose multiplier is negative, the worst first.
-    """
+    """J and R of the slack bounds, then of the other bounds of an earlier solution; gives their count."""
     n, slacks, lines, variables = p.g.shape[0], p.price.shape[0], p.lower.shape[0], total - w.x.shape[0]
     if warm > 0:
         for s in range(slacks):
@@ -306,36 +319,20 @@ def _begin(p, result, warm, total, w):
             s = -1 - result.active[c] - lines - n
             if 0 <= s < slacks:
                 w.flags[variables + n + s] = LOWER
-    w.J[:, :], w.R[:, :] = 0.0, 0.0
-    count, last = 0, n + slacks
+    count, last = 0, slacks
     for s in range(slacks):
-        open_ = w.flags[variables + n + s] == 0
-        if open_:
-            last -= 1
-            w.x[n + s] = -p.price[s] / p.curvature[s]
-        else:
+        scale = 1.0 / math.sqrt(p.curvature[s])
+        if w.flags[variables + n + s]:
+            w.R[count, :] = 0.0
+            w.R[count, count] = scale
             w.active[count], w.u[count] = ~(variables + n + s), p.price[s]
-            w.R[count, count] = 1.0 / math.sqrt(p.curvature[s])
-        w.J[last if open_ else count, n + s] = 1.0 / math.sqrt(p.curvature[s])
-        count += 0 if open_ else 1
-    _invert(n, count, w)
+            column, count = count, count + 1
+        else:
+            w.x[n + s] = -p.price[s] / p.curvature[s]
+            column = last = last - 1
+        w.J[column, :] = 0.0
+        w.J[column, n + s] = scale
     return count if warm == 0 else _add_earlier(p, result, warm, count, total, w)
-
-
-@_kernel
-def _invert(n, first, w):
-    """Rows of J from the factor of H: the inverse of its lower triangle over the roots of the pivots."""
-    J, a = w.J, w.factor
-    for i in range(n):
-        row = first + i
-        for j in range(i):
-            for q in range(J.shape[1]):
-                J[row, q] -= a[i, j] * J[first + j, q]
-        J[row, i] = 1.0
-    for i in range(n):
-        scale = 1.0 / math.sqrt(a[i, i])
-        for q in range(J.shape[1]):
-            J[first + i, q] *= scale
 
 
 @_kernel
@@ -539,8 +536,7 @@ def _advance(p, total, w):
 def _evaluate(p, total, w):
     """Values of all lines and variables, without what has gathered in rounding."""
     variables = total - w.x.shape[0]
-    for i in range(variables):
-        w.value[i] = 0.0
+    w.value[:variables] = 0.0
     for q in range(w.x.shape[0]):
         w.value[variables + q] = w.x[q]
     for q in range(p.g.shape[0]):
