@@ -144,10 +144,11 @@ def result_space(moves: int, slacks: int) -> Result:
     return Result(np.zeros(n), np.zeros(n, dtype=np.int64), np.zeros(n), np.zeros(1, dtype=np.int64))
 
 
-_kernel = njit(cache=True, nogil=True, error_model="numpy", _nrt=False)
+OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": False}
+"""Of the kernels: no exceptions, and no memory of numba's own, so that one that allocates does not compile."""
 
 
-@_kernel
+@njit(**OPTIONS)
 def solve(p, result, limit, w):
     """Solve a problem, beginning with the active bounds that `result` holds.
 
@@ -177,7 +178,7 @@ def solve(p, result, limit, w):
     return status, iterations
 
 
-@_kernel
+@njit(**OPTIONS)
 def _eliminate(p, w):
     """Columns of J for the moves, and the optimum without lines; False if H is not positive or not finite.
 
@@ -208,7 +209,7 @@ def _eliminate(p, w):
     return True
 
 
-@_kernel
+@njit(**OPTIONS)
 def _load(p, w):
     """Lines that have a bound, as columns, and the variables, with their values; slack bounds active.
 
@@ -248,7 +249,7 @@ def _load(p, w):
     return total if finite == 0.0 and _load_variables(p, rows, w) else -1
 
 
-@_kernel
+@njit(**OPTIONS)
 def _weigh(n, rows, w):
     """Distances instead of violations: one over the length of the normals, whose slack part is in `excess`."""
     for q in range(n):
@@ -258,7 +259,7 @@ def _weigh(n, rows, w):
         w.weight[i] = 1.0 / math.sqrt(w.excess[i] if w.excess[i] > 0.0 else 1.0)
 
 
-@_kernel
+@njit(**OPTIONS)
 def _load_variables(p, rows, w):
     """Bounds of the variables, those of the slacks active; False if one is not finite or cannot be kept."""
     n, slacks, lines, finite = p.g.shape[0], p.price.shape[0], p.lower.shape[0], 0.0
@@ -281,13 +282,13 @@ def _load_variables(p, rows, w):
     return finite == 0.0
 
 
-@_kernel
+@njit(**OPTIONS)
 def _leave_empty(i, w):
     """A place that no bound has."""
     w.low[i], w.high[i], w.value[i], w.weight[i], w.excess[i], w.flags[i] = -np.inf, np.inf, 0.0, 1.0, 0.0, 0
 
 
-@_kernel
+@njit(**OPTIONS)
 def _most_violated(p, total, w):
     """Bound with the largest violation, as distance: i if upper, ~i if lower; NONE if all are kept."""
     n, begin = p.g.shape[0], 0
@@ -308,7 +309,7 @@ def _most_violated(p, total, w):
     return found
 
 
-@_kernel
+@njit(**OPTIONS)
 def _begin(p, result, warm, total, w):
     """J and R of the slack bounds, then of the other bounds of an earlier solution; gives their count."""
     n, slacks, lines, variables = p.g.shape[0], p.price.shape[0], p.lower.shape[0], total - w.x.shape[0]
@@ -335,7 +336,7 @@ def _begin(p, result, warm, total, w):
     return count if warm == 0 else _add_earlier(p, result, warm, count, total, w)
 
 
-@_kernel
+@njit(**OPTIONS)
 def _add_earlier(p, result, warm, count, total, w):
     n, slacks, lines = p.g.shape[0], p.price.shape[0], p.lower.shape[0]
     for c in range(min(warm, n + slacks)):
@@ -354,17 +355,17 @@ def _add_earlier(p, result, warm, count, total, w):
             count += 1
     while True:
         _settle(p, count, total, w)
-        worst = 0
-        for c in range(1, count):
-            if w.u[c] < w.u[worst]:
-                worst = c
-        if count == 0 or w.u[worst] >= 0.0:
+        kept = count
+        for c in range(count - 1, -1, -1):
+            if w.u[c] < 0.0:
+                _drop(kept, c, w)
+                kept -= 1
+        if kept == count:
             return count
-        _drop(count, worst, w)
-        count -= 1
+        count = kept
 
 
-@_kernel
+@njit(**OPTIONS)
 def _set_normal(p, code, total, w):
     """Normal of a bound, so that normal'x >= what is given back."""
     n, variables, sign = p.g.shape[0], total - w.x.shape[0], 1.0 if code < 0 else -1.0
@@ -382,7 +383,7 @@ def _set_normal(p, code, total, w):
     return w.low[i] if code < 0 else -w.high[i]
 
 
-@_kernel
+@njit(**OPTIONS)
 def _project(size, count, w):
     """J'normal, the part z of the normal that the active ones leave free, and the squares of both."""
     square, fresh = 0.0, 0.0
@@ -401,7 +402,7 @@ def _project(size, count, w):
     return square, fresh
 
 
-@_kernel
+@njit(**OPTIONS)
 def _add(size, count, fresh, code, multiplier, w):
     """Make the projected normal the next column of R, by a reflection of J's free columns."""
     first = w.along[count]
@@ -422,7 +423,7 @@ def _add(size, count, fresh, code, multiplier, w):
     w.flags[~code if code < 0 else code] |= LOWER if code < 0 else UPPER
 
 
-@_kernel
+@njit(**OPTIONS)
 def _drop(count, place, w):
     """Take an active bound out, by rotations that make R triangular again."""
     code = w.active[place]
@@ -446,7 +447,7 @@ def _drop(count, place, w):
             w.J[c, q], w.J[c + 1, q] = cosine * a + sine * b, cosine * b - sine * a
 
 
-@_kernel
+@njit(**OPTIONS)
 def _solve_triangle(count, w):
     """r = R^-1 r."""
     for i in range(count - 1, -1, -1):
@@ -456,7 +457,7 @@ def _solve_triangle(count, w):
             w.r[j] -= value * w.R[i, j]
 
 
-@_kernel
+@njit(**OPTIONS)
 def _iterate(p, limit, total, count, w):
     """Take the most violated bound in until there is none."""
     iterations, settled = 0, False
@@ -475,7 +476,7 @@ def _iterate(p, limit, total, count, w):
             return status, iterations, count
 
 
-@_kernel
+@njit(**OPTIONS)
 def _take_in(p, code, limit, iterations, total, count, w):
     """Raise the multiplier of a bound until it is kept, dropping those that reach 0 on the way."""
     size = p.g.shape[0] + p.price.shape[0]
@@ -519,7 +520,7 @@ def _take_in(p, code, limit, iterations, total, count, w):
     return EXHAUSTED, iterations, count
 
 
-@_kernel
+@njit(**OPTIONS)
 def _advance(p, total, w):
     """Move by `step`, values included."""
     variables = total - w.x.shape[0]
@@ -532,7 +533,7 @@ def _advance(p, total, w):
             w.value[i] += slope * w.columns[q, i]
 
 
-@_kernel
+@njit(**OPTIONS)
 def _evaluate(p, total, w):
     """Values of all lines and variables, without what has gathered in rounding."""
     variables = total - w.x.shape[0]
@@ -545,7 +546,7 @@ def _evaluate(p, total, w):
             w.value[i] += slope * w.columns[q, i]
 
 
-@_kernel
+@njit(**OPTIONS)
 def _settle(p, count, total, w):
     """One Newton step on the conditions of optimality with these active bounds: exact but for rounding."""
     n, size = p.g.shape[0], p.g.shape[0] + p.price.shape[0]
@@ -580,7 +581,7 @@ def _settle(p, count, total, w):
             w.x[q] += w.z[j] * w.J[j, q]
 
 
-@_kernel
+@njit(**OPTIONS)
 def _hand_over(p, result, count, w):
     """Solution and active bounds, in the caller's numbers."""
     for q in range(result.x.shape[0]):
