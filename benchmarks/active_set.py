@@ -55,7 +55,9 @@ class Replay:
 
     def __init__(self, steps: list[Recorded], warm: bool):
         count = len(steps)
-        self.problems = Problem(*(np.ascontiguousarray(np.stack(part)) for part in zip(*(s.lines for s in steps), strict=True)))
+        self.problems = Problem(
+            *(np.ascontiguousarray(np.stack(part)) for part in zip(*(s.lines for s in steps), strict=True))
+        )
         first = steps[0].lines
         sizes = len(first.g), len(first.price)
         self.work = work_space(*sizes, len(first.lower))

@@ -63,7 +63,7 @@ def drive(name: str, scenario: Scenario) -> Iterator[Recorded]:
     with open_plant(scenario) as plant:
         state = plant.reset(scenario.start)
         for step in range(round(scenario.duration / period)):
-            before = controller._mpc.moves.copy()
+            before = _moves(controller)
             command = controller.step(state)
             yield from _of(controller, name, step, before)
             state = plant.step(command, period)
@@ -74,11 +74,15 @@ def hostile(seed: int, steps: int = HOSTILE_STEPS) -> Iterator[Recorded]:
     scenario, random = load_scenario("double-obstacle"), np.random.default_rng(seed)
     controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
     for step in range(steps):
-        before = controller._mpc.moves.copy()
+        before = _moves(controller)
         size = 10.0 ** random.uniform(-2.0, 1.0)
         x, y, yaw, v_x, v_y, yaw_rate, angle = random.normal(0.0, (20.0, 1.0, 0.3, 10.0, 1.0, 0.5, 0.2)) * size
         controller.step(VehicleState(0.02 * step, 40.0 + x, y, yaw, abs(v_x), v_y, yaw_rate, angle))
         yield from _of(controller, "hostile", step, before)
+
+
+def _moves(controller: SteeringController) -> Array:
+    return controller._mpc.moves.copy() if isinstance(controller._mpc, Mpc) else np.zeros(0)
 
 
 def _of(controller: SteeringController, name: str, step: int, before: Array) -> Iterator[Recorded]:

@@ -3,6 +3,8 @@
 from typing import NamedTuple
 
 import daqp
+import numba
+import numba.core.errors
 import numpy as np
 import piqp
 import pytest
@@ -21,6 +23,7 @@ from sidestep.controller.mpc.active_set import (
     work_space,
 )
 from sidestep.controller.mpc.mpc import set_up
+from sidestep.plant_models.kernels import bare_kernel
 from sidestep.validation.studies.recorded_problems import Recorded, recorded
 
 LIMIT = 300
@@ -271,7 +274,7 @@ def test_bounds_of_moves_that_cross_are_refused():
 
 def test_it_stops_at_its_limit():
     p = random_problem(1, 15, 2, 40)
-    _, needed, result = run(p)
+    _, needed, _ = run(p)
     assert needed > 3
     for limit in range(needed):
         status, iterations, _ = run(p, limit=limit)
@@ -300,6 +303,13 @@ def test_memory_of_another_problem_leaves_no_trace():
     result.count[0] = 0
     solve(p, result, LIMIT, work)
     assert all(np.array_equal(a, b) for a, b in zip(first, result, strict=True))
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+def test_a_kernel_that_allocates_does_not_compile():
+    with pytest.raises(numba.core.errors.NumbaError):
+        bare_kernel(lambda n: np.zeros(n)[0])(3)
+    assert bare_kernel(lambda values: values[1:][0] / 0.0)(np.ones(3)) == np.inf  # slices and zeros are fine
 
 
 @pytest.fixture(scope="module")
