@@ -38,10 +38,10 @@ def replay(problems, begins, warm, results, work, microseconds, iterations):
         p = Problem(problems.H[i], problems.g[i], problems.G[i], problems.lower[i], problems.upper[i],
                     problems.x_lower[i], problems.x_upper[i], problems.price[i], problems.curvature[i],
                     problems.ends[i])  # fmt: skip
-        result = Result(results.x[i], results.active[i], results.multipliers[i], results.count[i])
-        result.count[0] = 0
+        result = Result(results.x[i], results.active[i], results.multipliers[i], results.size[i])
+        result.size[0] = 0
         if warm and not begins[i]:
-            result.count[0] = results.count[i - 1, 0]
+            result.size[0] = results.size[i - 1, 0]
             result.active[:] = results.active[i - 1]
         _clock(1, address)
         start = now[0] * 1000000000 + now[1]
@@ -61,7 +61,7 @@ class Replay:
         first = steps[0].lines
         sizes = len(first.g), len(first.price)
         self.work = work_space(*sizes, len(first.lower))
-        self.results = Result(*(np.stack([part] * count) for part in result_space(*sizes)))
+        self.results = Result._make([np.stack([part] * count) for part in result_space(*sizes)])
         self.begins = np.array([i == 0 or steps[i - 1].scene != s.scene for i, s in enumerate(steps)])
         self.warm = warm
         self.iterations = np.zeros(count, dtype=np.int64)

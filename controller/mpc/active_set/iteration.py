@@ -53,8 +53,8 @@ def solve(p, result, limit, w):
         SOLVED, INFEASIBLE, EXHAUSTED or INVALID, and the number of iterations: 0 if the optimum without lines and
         slack is the optimum.
     """
-    warm, slacks = result.count[0], p.price.shape[0]
-    result.count[0] = 0
+    warm, slacks = result.size[0], p.price.shape[0]
+    result.size[0] = 0
     if not eliminate(p, w):
         return INVALID, 0
     total = load(p, w)
@@ -197,4 +197,4 @@ def _hand_over(p, result, count, w):
         code = w.active[c]
         result.active[c] = ~w.line[~code] if code < 0 else w.line[code]
         result.multipliers[c] = max(w.u[c], 0.0)
-    result.count[0] = count
+    result.size[0] = count

@@ -43,13 +43,13 @@ class Result(NamedTuple):
         active: Active bounds in the order they came, shape (n + k,): line i, or l + i for variable i, at its upper
             bound; the same number's complement, ~i, at the lower.
         multipliers: Of the active bounds, not negative, shape (n + k,).
-        count: How many bounds are active, shape (1,).
+        size: How many bounds are active, shape (1,).
     """
 
     x: Array
     active: Indices
     multipliers: Array
-    count: Indices
+    size: Indices
 
 
 class Work(NamedTuple):
@@ -112,6 +112,6 @@ def work_space(moves: int, slacks: int, lines: int) -> Work:
 
 
 def result_space(moves: int, slacks: int) -> Result:
-    """Memory for a result; with its count 0 the next solve begins cold."""
+    """Memory for a result; with its size 0 the next solve begins cold."""
     n = moves + slacks
     return Result(np.zeros(n), np.zeros(n, dtype=np.int64), np.zeros(n), np.zeros(1, dtype=np.int64))

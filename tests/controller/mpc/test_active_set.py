@@ -75,7 +75,7 @@ def residuals(p: Problem, result: Result) -> tuple[float, float, float, float]:
     w, (low, high), x = written_out(p), bounds(p), result.x
     balance, complementarity = w.H @ x + w.g, 0.0
     force = max(1.0, float(np.abs(balance).max()))
-    active = result.active[: result.count[0]]
+    active = result.active[: result.size[0]]
     assert len(set(active)) == len(active)
     for code, multiplier in zip(active, result.multipliers, strict=False):
         normal, bound = (w.lower[~code], low[~code]) if code < 0 else (w.upper[code], high[code])
@@ -168,7 +168,7 @@ def test_a_beginning_that_is_noise_does_no_harm(seed, moves, slacks, lines, nois
     p, begin = random_problem(seed, moves, slacks, lines), result_space(moves, slacks)
     rng = np.random.default_rng(noise)
     begin.active[:] = rng.integers(-lines - moves - 9, lines + moves + 9, moves + slacks)
-    begin.count[0] = rng.integers(0, 2**40)
+    begin.size[0] = rng.integers(0, 2**40)
     status, _, result = run(p, begin)
     assert status == SOLVED
     assert_optimal(p, result)
@@ -192,7 +192,7 @@ def test_degenerate_one_line_many_times(copies):
     status, _, result = run(p)
     assert status == SOLVED
     assert_optimal(p, result)
-    assert result.count[0] == 1
+    assert result.size[0] == 1
 
 
 def test_degenerate_many_lines_through_one_vertex():
@@ -207,11 +207,11 @@ def test_degenerate_many_lines_through_one_vertex():
 def test_a_line_that_depends_on_the_active_ones_replaces_one():
     p = hard([[1.0, 1.0], [1.0, -1.0], [1.0, 0.0]], [-9.0, -9.0, -9.0], [0.5, 0.7, 0.1])
     begin = result_space(2, 0)
-    begin.active[:], begin.count[0] = (0, 1), 2
+    begin.active[:], begin.size[0] = (0, 1), 2
     status, _, result = run(p, begin)
     assert status == SOLVED
     assert result.x == pytest.approx([0.1, 0.0], abs=1e-12)
-    assert list(result.active[: result.count[0]]) == [2]
+    assert list(result.active[: result.size[0]]) == [2]
 
 
 def test_an_equality_is_two_bounds_that_meet():
@@ -300,7 +300,7 @@ def test_memory_of_another_problem_leaves_no_trace():
     first = [part.copy() for part in result]
     for part in work:
         part[:] = np.nan if part.dtype == np.float64 else 10**6
-    result.count[0] = 0
+    result.size[0] = 0
     solve(p, result, LIMIT, work)
     assert all(np.array_equal(a, b) for a, b in zip(first, result, strict=True))
 
