@@ -127,7 +127,8 @@ SETTINGS = np.dtype(
 ROWS = -(-LINES // PADDING) * PADDING
 ACTIVE = np.dtype(
     [
-        ("moves", N), ("slacks", N), ("width", N), ("rate", F), ("price", F, (SLACKS,)), ("curvature", F, (SLACKS,)),
+        ("moves", N), ("slacks", N), ("width", N), ("x_lower", F, (MOVES,)), ("x_upper", F, (MOVES,)),
+        ("price", F, (SLACKS,)), ("curvature", F, (SLACKS,)),
         ("ends", N, (SLACKS,)), ("factor", F, (MOVES, WIDTH)), ("J", F, (MOVES + SLACKS, WIDTH)),
         ("R", F, (MOVES + SLACKS, WIDTH)), ("columns", F, (MOVES, ROWS)),
         *((name, F, (WIDTH,)) for name in ("x", "step", "normal", "along", "z", "r", "u", "rhs", "multipliers")),

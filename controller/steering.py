@@ -37,7 +37,7 @@ class SteeringController:
             [(o.s, o.l, o.length, o.width, o.heading, o.speed) for o in self.obstacles], dtype=np.float64
         ).reshape(-1, 6)
         self.settings = settings_of(vehicle, self.config)
-        self._work, self._state = record(WORK), record(STATE)
+        self.work, self._state = record(WORK), record(STATE)
         self._signals = self._state.view(np.float64)
         grid = self.settings["grid"][0]
         self._solver: PiqpSolver | PaperMpc
@@ -92,7 +92,7 @@ class SteeringController:
     def problem(self) -> Problem | None:
         """QP of the last step, for solver comparisons; the next one overwrites its arrays."""
         if isinstance(self._solver, PiqpSolver):
-            return self._solver.choose_rows(self._work, self._last_moves())
+            return self._solver.choose_rows(self.work, self._last_moves())
         return self._solver.problem
 
     @property
@@ -120,15 +120,19 @@ class SteeringController:
             state.time, state.x, state.y, state.yaw, state.v_x, state.v_y, state.yaw_rate, state.steer_angle,
         )  # fmt: skip
         road = self.path.table, self.path.period
-        taken = self._first(self._memory, self.settings, *road, self.boxes, self._state, self._work)
+        taken = self._first(self._memory, self.settings, *road, self.boxes, self._state, self.work)
         asked = answered = time.perf_counter()
         if taken == BOUNDED:
-            solved = self._solver.solve(self._work, self._last_moves())
+            solved = self._solver.solve(self.work, self._last_moves())
             answered = time.perf_counter()
-            finish(self._memory, self.settings, self._state, self._work, solved)
+            finish(self._memory, self.settings, self._state, self.work, solved)
         self._times = 1e6 * (answered - asked), 1e6 * (time.perf_counter() - began)
-        command = self._memory["command"][0]
-        at, angle, target, status = command.item()
+        return self.command
+
+    @property
+    def command(self) -> SteeringCommand:
+        """The last command; a FAULT at standstill before the first step."""
+        at, angle, target, status = self._memory["command"][0].item()
         return SteeringCommand(at, angle, target, _STATUS[status])
 
     def _last_moves(self) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ import math
 
 from sidestep.controller.answer import answer, fall_back, take
 from sidestep.controller.decision.decide import decide
-from sidestep.controller.mpc.active_set import solve_with_bounds
+from sidestep.controller.mpc.active_set.solver import solve_with_bounds
 from sidestep.controller.mpc.condense import condense
 from sidestep.controller.mpc.prediction import linearise
 from sidestep.controller.mpc.stack import stack_costs, stack_limits
