@@ -19,6 +19,8 @@ SLOWEST = 1.0
 """Speed below which the model keeps the dynamics of this speed, in [m/s]: Eq. (5) divides by v."""
 SIMULATION_STEP = 5e-3
 """Step of the nonlinear forward simulation, in [s]."""
+LEAST_RADIUS = 0.2
+"""Least distance from the centre of the road's bend, as a share of its radius, that progress is counted with."""
 MOST_STEPS = 10_000
 """Bound on the steps of one command."""
 
@@ -50,6 +52,19 @@ def model_block(speed, slope_f, slope_r, car, a):
     a[5, RATE] = 1.0
     if car.relaxation > 0.0:
         _relax(a, v, slope_f, slope_r, car)
+
+
+@kernel
+def along_road(speed, curvature, offset, direction):
+    """Speed along the reference of a car beside it, Eq. (1) with its denominator: v cos / (1 - kappa l), in [m/s].
+
+    Args:
+        speed: v, in [m/s].
+        curvature: Of the road there, in [1/m].
+        offset: l, in [m].
+        direction: Of the car's way against the road, e + beta, in [rad].
+    """
+    return speed * max(math.cos(direction), 0.0) / max(1.0 - curvature * offset, LEAST_RADIUS)
 
 
 @kernel
