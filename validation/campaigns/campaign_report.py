@@ -82,9 +82,11 @@ def sentence(summary: dict[str, Any]) -> str:
 def worst_first(rows: Sequence[Row]) -> list[Row]:
     """Failures, what shows nothing, and passes, each by their margin; what could not be run comes first."""
     order = [verdict.value for verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.PASS)]
-    return sorted(
-        rows, key=lambda row: (order.index(row["verdict"]), -1e9 if row["margin_m"] is None else row["margin_m"])
-    )
+
+    def badness(row: Row) -> tuple[int, float]:
+        return order.index(row["verdict"]), -1e9 if row["margin_m"] is None else row["margin_m"]
+
+    return sorted(rows, key=badness)
 
 
 def write_campaign_report(
@@ -111,10 +113,10 @@ def _evidence(campaign: Campaign, rows: Sequence[Row]) -> list[Evidence]:
     labels = Counter(row["label"] for row in rows)
     outcomes = Evidence(
         "Outcomes",
-        "A run fails if it touches an obstacle, leaves the road, breaks off, stops or creeps where there is a way past, "
-        "or is not driven at the speed asked. What is inconclusive shows nothing and counts as neither: the bound is of "
-        'the others. "infeasible, handled": in some steps no plan held all bounds; the controller fell back and came '
-        "through. All labels: docs/verdicts.md.",
+        "A run fails if it touches an obstacle, leaves the road, breaks off, stops or creeps where there is a way "
+        "past, or is not driven at the speed asked. What is inconclusive shows nothing and counts as neither: the "
+        'bound is of the others. "infeasible, handled": in some steps no plan held all bounds; the controller fell '
+        "back and came through. All labels: docs/verdicts.md.",
         table=Table(("outcome", "runs"), tuple((label, str(count)) for label, count in labels.most_common())),
     )
     if not any(row["margin_m"] is not None for row in rows):

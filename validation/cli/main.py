@@ -1,7 +1,7 @@
 """The `sidestep` command: one function per subcommand, heavy imports only in the one that runs.
 
-Exit status: 0 pass, 1 the run ended and its verdict is fail or inconclusive (or nobody reads what it prints any more), 2 bad input or
-usage, 130 interrupted.
+Exit status: 0 pass, 1 the run ended and its verdict is fail or inconclusive (or nobody reads what it prints any more),
+2 bad input or usage, 130 interrupted.
 """
 
 import argparse

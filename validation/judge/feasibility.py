@@ -158,14 +158,13 @@ def _speeds(scenario: Scenario, profile: _Profile) -> tuple[Array, Array, Array]
     lateral = LATERAL_SHARE * grip
     lateral_braking = min(lateral, math.sqrt((GRIP_SHARE * grip) ** 2 - braking**2))
     layers = math.ceil(profile.horizon / LAYER)
-    times = LAYER / SUBSTEPS * np.arange(layers * SUBSTEPS + 1)
+    times: Array = LAYER / SUBSTEPS * np.arange(layers * SUBSTEPS + 1.0)
     late = np.maximum(times - profile.begin, 0.0)
     if profile.target > speed:
-        return times, np.minimum(speed + ACCELERATION_SHARE * vehicle.max_acceleration * late, profile.target), np.full(
-            len(times), lateral_braking
-        )  # fmt: skip
-    speeds = np.maximum(speed - braking * late, min(profile.target, speed))
-    return times, speeds, np.where(late > 0.0, lateral_braking, lateral)
+        speeds = np.minimum(speed + ACCELERATION_SHARE * vehicle.max_acceleration * late, profile.target)
+    else:
+        speeds = np.maximum(speed - braking * late, profile.target)
+    return times, speeds.astype(np.float64), np.where(late > 0.0, lateral_braking, lateral).astype(np.float64)
 
 
 def _project(scenario: Scenario) -> tuple[float, float, float]:

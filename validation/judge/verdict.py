@@ -31,6 +31,10 @@ ELSEWHERE = ", start not as asked"
 """What a passing label ends with if the plant did not start where it was put and that was accepted."""
 
 
+BROKE_OFF = (End.PLANT_INVALID, End.CONTROLLER_ERROR, End.BUS_ERROR)
+"""Ends of runs in which a part failed."""
+
+
 class Decision(NamedTuple):
     """A verdict, the label that names its reason, and one line with figures where there is more to say."""
 
@@ -128,10 +132,19 @@ def judge(recording: Recording, scenario: Scenario, findings: Sequence[Finding] 
     decision = _safety(recording, gap, edge) or _finding(findings) or _drive(recording, scenario, went)
     if recording.departures and decision.verdict is Verdict.PASS:
         decision = decision._replace(label=decision.label + ELSEWHERE)
-    closest = (None,) * 4 if where is None else (gap, where[0], float(time[where[1]]), float(s[where[1]]))
+    obstacle, sample = where or (None, None)
     return Judgement(
-        decision, *closest, edge, went, tuple(findings), recording.error is not None, recording.contact
-    )  # fmt: skip
+        decision,
+        min_clearance=None if sample is None else gap,
+        obstacle=obstacle,
+        time=None if sample is None else float(time[sample]),
+        s=None if sample is None else float(s[sample]),
+        min_edge_clearance=edge,
+        progress=went,
+        findings=tuple(findings),
+        broke_off=recording.end in BROKE_OFF,
+        contact=recording.contact,
+    )
 
 
 def _closest(car: Array, scenario: Scenario, time: Array) -> tuple[float, tuple[int, int] | None]:
@@ -155,7 +168,7 @@ def _clearances(car: Array, box: Array) -> Array:
 
 def _safety(recording: Recording, gap: float, edge: float) -> Decision | None:
     """Decided by what must not happen in any drive."""
-    if recording.end in (End.PLANT_INVALID, End.CONTROLLER_ERROR, End.BUS_ERROR):
+    if recording.end in BROKE_OFF:
         return Decision(Verdict.FAIL, recording.end.value)
     if overlaps(gap) or recording.contact:
         return Decision(Verdict.FAIL, COLLISION)

@@ -89,13 +89,15 @@ def _numbers(run: Run) -> list[tuple[str, str, str, str]]:
     median, p99, most = (number(s["step_time_us"][name], "µs", 0) for name in ("median", "p99", "max"))
     return [
         ("Run", f"{s['duration_s']:.2f} s simulated", _mark(not broken), s["end"]),
-        ("Way", f"{s['distance_m']:.1f} m", "", f"{s['asked_distance_m']:.1f} m at the asked speed until time or road end"),
+        ("Way", f"{s['distance_m']:.1f} m", "",
+         f"{s['asked_distance_m']:.1f} m at the asked speed until time or road end"),
         ("Obstacles left behind", f"{len(s['obstacles_passed'])} of {len(s['obstacles_ahead'])} ahead", "",
          f"{len(s['obstacles_reached'])} reached"),
         ("Mean speed", number(s["mean_speed"], "m/s", 2), "", f"asked: {s['asked_speed']:g} m/s"),
         ("Start", "as asked" if not s["start"]["not_taken"] else _start(s), "",
          "what the plant made of it; --accept-start drives on from elsewhere"),
-        *((f["label"].capitalize(), f["text"], f["verdict"].upper(), "seen beside the recording") for f in s["findings"]),
+        *((f["label"].capitalize(), f["text"], f["verdict"].upper(), "seen beside the recording")
+          for f in s["findings"]),
         ("Smallest clearance", number(gap, "m", 3), "" if gap is None else _mark(gap > 0.0 and not s["plant_contact"]),
          f"above 0; buffer {config.buffer:g} m; negative: overlap"),
         ("Smallest clearance to the road's edge", number(s["min_edge_clearance_m"], "m", 3),

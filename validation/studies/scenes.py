@@ -228,6 +228,7 @@ _MEANINGS = {PASSABLE: "a way past all", STOPPABLE: "only a stop", UNAVOIDABLE: 
 
 def _line(row: SceneRow) -> str:
     return (
-        f"seed {row.seed}: {row.verdict}: {row.label} at {row.speed} m/s where physics allows {_MEANINGS[row.physics]}, clearance "
-        f"{row.min_clearance:.2f} m, edge {row.min_edge_clearance:.2f} m, {row.flips} flips {row.error or row.detail}"
+        f"seed {row.seed}: {row.verdict}: {row.label} at {row.speed} m/s where physics allows "
+        f"{_MEANINGS[row.physics]}, clearance {row.min_clearance:.2f} m, edge {row.min_edge_clearance:.2f} m, "
+        f"{row.flips} flips {row.error or row.detail}"
     )

@@ -141,9 +141,8 @@ def evidence(runs: Sequence[StoredRun], rated: Sequence[Pair], least: float | No
 
 
 def _verdicts(runs: Sequence[StoredRun]) -> Table:
-    return Table(
-        ("run", "verdict", "label"), tuple((r.name, r.summary["verdict"].upper(), r.summary["label"]) for r in runs)
-    )
+    rows = tuple((run.name, run.summary["verdict"].upper(), run.summary["label"]) for run in runs)
+    return Table(("run", "verdict", "label"), rows)
 
 
 _RATINGS = (
