@@ -29,7 +29,7 @@ from sidestep.validation.studies.limits import Outcome, in_parallel, kept_rows, 
 
 ENTRY, SECTIONS = 20.0, (12.0, 13.5, 11.0, 12.5, 12.0)
 """Station of the entry and lengths of the sections, in [m]; the first, third and fifth are lanes."""
-COASTING = 1e-6
+COASTING = 0.01
 """What is left to the plant's speed control, in [m/s^2]."""
 CONE_HEIGHT = 0.5
 """The least that the standard allows, in [m]."""

@@ -24,7 +24,7 @@ from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.validation.campaigns import journal
 from sidestep.validation.campaigns.campaign import Campaign, cases, load_campaign, number_of_cases, scenario_of
 from sidestep.validation.campaigns.campaign_figures import influences, telling
-from sidestep.validation.campaigns.campaign_report import junit_cases, summarised, write_campaign_report
+from sidestep.validation.campaigns.campaign_report import junit_cases, sentence, summarised, write_campaign_report
 from sidestep.validation.campaigns.campaign_run import figures, load_rows, run_campaign, run_case
 from sidestep.validation.campaigns.journal import open_journal, read_journal
 from sidestep.validation.cli.main import main
@@ -34,6 +34,7 @@ from sidestep.validation.loop.plants import ImperfectSteering, true_vehicle
 from sidestep.validation.model_error.sensitivity import first_order, separation, trend
 from sidestep.validation.report.exports.junit import write_junit
 from sidestep.validation.scenarios.scenario import load_scenario
+from sidestep.validation.studies.limits import upper_bound
 
 ROOT = Path(__file__).parents[3]
 SPEC = """
@@ -289,6 +290,32 @@ def test_a_campaign_ends_in_a_verdict_a_report_and_test_cases(tmp_path):
     suite = ElementTree.parse(tmp_path / "j.xml").getroot()[0]
     assert (suite.get("tests"), suite.get("failures"), suite.get("errors")) == ("40", str(failed - 1), "1")
     assert len(suite.findall("testcase/failure")) == failed - 1
+
+
+@pytest.mark.parametrize(
+    ("counts", "allowed", "verdict", "bound"),
+    [
+        ((20, 0, 0), None, "pass", 1.0 - 0.05 ** (1 / 20)),
+        ((19, 0, 1), None, "inconclusive", 1.0 - 0.05 ** (1 / 19)),
+        ((18, 1, 1), None, "fail", upper_bound(1, 19)),
+        ((19, 0, 1), 0.3, "pass", 1.0 - 0.05 ** (1 / 19)),
+        ((15, 0, 5), 0.3, "inconclusive", 1.0 - 0.05 ** (1 / 15)),
+        ((10, 9, 1), 0.3, "fail", upper_bound(9, 19)),
+        ((0, 0, 20), 0.3, "inconclusive", 1.0),
+        ((0, 0, 20), None, "inconclusive", 1.0),
+    ],
+)
+def test_inconclusive_runs_are_neither_passes_nor_failures(tmp_path, counts, allowed, verdict, bound):
+    spec = replace(campaign(tmp_path), runs=20, failure_rate=allowed)
+    names = ("pass", "fail", "inconclusive")
+    verdicts = [name for name, count in zip(names, counts, strict=True) for _ in range(count)]
+    rows = [{**fake(case), "verdict": one} for case, one in zip(cases(spec), verdicts, strict=True)]
+    summary = summarised(spec, rows)
+    assert (summary["verdict"], summary["failures"], summary["inconclusive"]) == (verdict, *counts[1:])
+    assert summary["failure_rate_upper_bound_95"] == pytest.approx(bound)
+    assert sentence(summary).startswith(f"{verdict.upper()}: 20 runs, {counts[1]} failures, {counts[2]} inconclusive")
+    cases_of = junit_cases(spec, rows)
+    assert [sum(bool(getattr(c, kind)) for c in cases_of) for kind in ("failure", "error")] == list(counts[1:])
 
 
 @pytest.mark.parametrize("passed", [0, 1, 5])

@@ -167,9 +167,7 @@ def test_the_command_writes_what_it_shows(tmp_path: Path, capsys):
         ({}, 0, "0 of 2"),
     ],
 )
-def test_a_stop_where_there_is_a_way_past_has_a_column_and_a_bound(
-    values, status, shown, tmp_path, monkeypatch, capsys
-):
+def test_a_stop_though_passable_has_a_column_and_a_bound(values, status, shown, tmp_path, monkeypatch, capsys):
     rows = {7: row(seed=7), 8: row(seed=8, **values)}
     monkeypatch.setattr(scene_runs, "run_scene", lambda seed, plant, overrides: rows[seed])
     assert scenes([7, 8], "linear", [], 1, tmp_path, "") == status
