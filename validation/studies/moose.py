@@ -25,7 +25,16 @@ from sidestep.validation.loop.closed_loop import closed_loop
 from sidestep.validation.loop.delay_line import DelayLine
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario
-from sidestep.validation.studies.limits import Outcome, in_parallel, kept_rows, new_table, show, write_outcome
+from sidestep.validation.studies.limits import (
+    PLANT_OPTION,
+    Outcome,
+    in_parallel,
+    kept_rows,
+    new_table,
+    refuse_own,
+    show,
+    write_outcome,
+)
 
 ENTRY, SECTIONS = 20.0, (12.0, 13.5, 11.0, 12.5, 12.0)
 """Station of the entry and lengths of the sections, in [m]; the first, third and fifth are lanes."""
@@ -144,6 +153,7 @@ def moose(plants: Sequence[str], overrides: Sequence[str], jobs: int, out: Path,
     Raises:
         InputError: Bad override or plant, or a folder that takes no files.
     """
+    refuse_own(overrides, PLANT_OPTION | dict.fromkeys(("speed", "duration", "obstacles"), "the lanes of ISO 3888-2"))
     for plant in plants:  # bad input shows here, before any process starts
         open_plant(scene(CASES[0], plant, SLOWEST, overrides)).close()
     speed_calls = [partial(_highest, case, plant, overrides) for plant in plants for case in _possible(CASES, plant)]
