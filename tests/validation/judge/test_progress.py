@@ -97,6 +97,15 @@ def test_how_far_a_drive_went_decides(boxes, speeds, verdict, label):
 
 
 @pytest.mark.closed_loop
+def test_a_stop_late_in_a_scene_or_behind_what_moves_on_is_a_stop():
+    late = judge(drive(np.concatenate([np.full(500, 15.0), np.linspace(15.0, 0.0, 200)])), scene(BOX))
+    assert (late.label, late.progress.passed) == ("stopped though passable", (0,))
+    leader = Obstacle(50.0, -2.0, 4.5, 1.8, speed=0.5)
+    behind = judge(drive(np.linspace(15.0, 0.0, 500)), scene(leader))
+    assert (behind.label, behind.progress.followed) == ("stopped though passable", 0)
+
+
+@pytest.mark.closed_loop
 def test_to_follow_is_a_pass_only_close_behind_what_moves_on():
     behind = drive(np.concatenate([np.linspace(15.0, 4.0, 150), np.full(651, 4.0)]), beside=0.0)
     far = Obstacle(40.0, 0.0, 4.5, 1.8, speed=4.0)
