@@ -123,15 +123,15 @@ def safe(outcome: Outcome) -> bool:
 
 
 def passes(outcome: Outcome) -> bool:
-    """Driven without touching anything."""
+    """Driven past everything without touching anything."""
     return judge(outcome.recording, outcome.scenario).passed
 
 
 def stops(outcome: Outcome) -> bool:
-    """Zero steering and a standing car."""
+    """Zero steering and a standing car that touched nothing; that there was a way past is not the bus's to see."""
     recording = outcome.recording
     at_rest = recording["steer_received"][-1] == recording["target_speed"][-1] == 0.0
-    return bool(at_rest) and recording.end is End.STOPPED and passes(outcome)
+    return bool(at_rest) and recording.end is End.STOPPED and not judge(recording, outcome.scenario).touched
 
 
 def recovers(outcome: Outcome) -> bool:
