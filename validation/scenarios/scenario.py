@@ -24,6 +24,9 @@ from sidestep.validation.scenarios.tables import built, checked, did_you_mean, f
 _BUILT_IN = Path(__file__).parent / "built_in"
 _SEGMENTS = {"line": Line, "arc": Arc, "clothoid": Clothoid}
 
+ELSEWHERE = ("width_left", "width_right", "cruise_speed")
+"""Settings of the controller that the tables of road and scenario hold."""
+
 Speed = Annotated[float, Range(0.01, 150.0, "m/s")]
 Width = Annotated[float, Range(0.01, 1e3, "m")]
 
@@ -64,7 +67,9 @@ class Scenario:
 
 
 @dataclass
-class _File:
+class TopLevel:
+    """The keys of a scenario file."""
+
     name: Annotated[str, Meta(pattern=r"^[\w.-]+$")]
     speed: Speed
     duration: Annotated[float, Range(0.001, 1e5, "s")]
@@ -78,7 +83,9 @@ class _File:
 
 
 @dataclass
-class _Road:
+class Road:
+    """The table `road` of a scenario file."""
+
     width_left: Width
     width_right: Width
     segments: list[Any] = field(default_factory=list)
@@ -86,7 +93,9 @@ class _Road:
 
 
 @dataclass
-class _Start:
+class Start:
+    """The table `start` of a scenario file: at time 0, in the road frame."""
+
     s: Annotated[float, Range(-1e6, 1e6, "m")] = 0.0
     l: Annotated[float, Range(-1e3, 1e3, "m")] = 0.0  # noqa: E741 (the paper's letter)
     heading: Annotated[float, Range(-100.0, 100.0, "rad")] = 0.0
@@ -167,9 +176,9 @@ def scenario_from_tables(tables: dict[str, Any], label: str, file: Path) -> Scen
 
 
 def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
-    top = _File(**checked(_File, {"name": file.stem, **tables}))
-    road = _Road(**checked(_Road, top.road, "road"))
-    start = _Start(**checked(_Start, top.start, "start"))
+    top = TopLevel(**checked(TopLevel, {"name": file.stem, **tables}))
+    road = Road(**checked(Road, top.road, "road"))
+    start = Start(**checked(Start, top.start, "start"))
     path = _path(road, file.parent)
     preset, config = _controller(top.controller, road, top.speed)
     x, y = path.to_cartesian(start.s, start.l)
@@ -193,7 +202,7 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
     return scenario
 
 
-def _path(road: _Road, folder: Path) -> ReferencePath:
+def _path(road: Road, folder: Path) -> ReferencePath:
     if bool(road.segments) == bool(road.waypoints):
         raise InputError("road", "needs either segments or waypoints", "segments = [...] or waypoints = FILE.csv")
     if road.waypoints:
@@ -230,9 +239,9 @@ def _vehicle(table: dict[str, Any], folder: Path) -> VehicleParameters:
     return base.with_(**values)
 
 
-def _controller(table: dict[str, Any], road: _Road, speed: float) -> tuple[str, ControllerConfig]:
-    elsewhere = {"width_left": road.width_left, "width_right": road.width_right, "cruise_speed": speed}
-    values = checked(ControllerConfig, table, "controller", partial=True, also={"preset": str}, without=elsewhere)
+def _controller(table: dict[str, Any], road: Road, speed: float) -> tuple[str, ControllerConfig]:
+    elsewhere = dict(zip(ELSEWHERE, (road.width_left, road.width_right, speed), strict=True))
+    values = checked(ControllerConfig, table, "controller", partial=True, also={"preset": str}, without=ELSEWHERE)
     preset = values.pop("preset", "default")
     return preset, ControllerConfig.preset(preset, **elsewhere, **values)
 
