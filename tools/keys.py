@@ -13,7 +13,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "keys.md"
 HEAD = """# Numbers of a scenario file
 
 Every key of a scenario file and of `--set` that holds a number, written by `python tools/keys.py` from the fields of
-the code. A value outside of its range, or that is no number, ends the command in one line with key, value and range, and
+the code. A value outside of its range, or that is no number, ends the command in one line with key, value and range and
 exit status 2. The ranges are generous: they keep out what cannot be a car, a road or a control period, not what is
 unusual. `[]` stands for every entry of a list, in `--set` a number from 0: `--set obstacles.0.s=30`. Without a default
 the key is required, or its value comes from elsewhere (of a car from its preset).

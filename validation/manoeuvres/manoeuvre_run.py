@@ -16,7 +16,7 @@ from sidestep.validation.manoeuvres.handling import figures_of, overlay, ratings
 from sidestep.validation.model_error.envelope import open_loop_scenario
 from sidestep.validation.report.exports.junit import JunitCase, write_junit
 from sidestep.validation.report.style import write_figure
-from sidestep.validation.scenarios.scenario import built_in_scenarios
+from sidestep.validation.scenarios.library import built_in_scenarios
 from sidestep.validation.studies.limits import new_table, show
 
 

@@ -18,10 +18,10 @@ from sidestep.plant_models.signals import VehicleState
 from sidestep.plant_models.tyres.property_file import read_tyre
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 from sidestep.validation.judge.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
+from sidestep.validation.scenarios.library import read_scenario
 from sidestep.validation.scenarios.plant_settings import PlantSettings, plant_settings
-from sidestep.validation.scenarios.tables import built, checked, did_you_mean, file_at, joined, override
+from sidestep.validation.scenarios.tables import built, checked, file_at, joined, override
 
-_BUILT_IN = Path(__file__).parent / "built_in"
 _SEGMENTS = {"line": Line, "arc": Arc, "clothoid": Clothoid}
 
 ELSEWHERE = ("width_left", "width_right", "cruise_speed")
@@ -102,11 +102,6 @@ class Start:
     speed: Speed | None = None
 
 
-def built_in_scenarios() -> tuple[str, ...]:
-    """Names of the scenarios that come with the package."""
-    return tuple(sorted(file.stem for file in _BUILT_IN.glob("*.toml")))
-
-
 def load_scenario(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
     """Read a scenario.
 
@@ -119,29 +114,6 @@ def load_scenario(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Sc
     """
     file, text = read_scenario(name_or_path)
     return parse_scenario(text, str(name_or_path), overrides, file)
-
-
-def read_scenario(name_or_path: str | Path, folder: Path = Path()) -> tuple[Path, str]:
-    """File and text of a scenario; a built-in one stands as if in `folder`, for the files that overrides name.
-
-    Args:
-        name_or_path: One of `built_in_scenarios()`, or a TOML file.
-        folder: From which the file is found.
-
-    Raises:
-        InputError: There is none, or it cannot be read.
-    """
-    name, known = str(name_or_path), built_in_scenarios()
-    if name in known:
-        return folder / f"{name}.toml", (_BUILT_IN / f"{name}.toml").read_text(encoding="utf-8")
-    file = folder / name
-    if not file.is_file():
-        problem = f"no built-in scenario and no file {name!r}{did_you_mean(name, known)}"
-        raise InputError("scenario", problem, f"{', '.join(known)}, or a TOML file")
-    try:
-        return file, file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(str(file), f"no readable TOML file ({error})") from error
 
 
 def parse_scenario(

@@ -25,7 +25,8 @@ from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import read_columns
 from sidestep.validation.report import report as report_module
 from sidestep.validation.report.viewer import viewer
-from sidestep.validation.scenarios.scenario import built_in_scenarios, load_scenario
+from sidestep.validation.scenarios.library import built_in_scenarios
+from sidestep.validation.scenarios.scenario import load_scenario
 from sidestep.validation.studies import demo as demo_module
 from sidestep.validation.studies import runs as runs_module
 
