@@ -1,7 +1,7 @@
 """How long the command line takes before it works: python benchmarks/start_time.py
 
-Processor time of whole processes, user and system; the best of ten, since what else runs only adds. Exit status 1 if one
-takes longer than the limit.
+Processor time of whole processes, user and system; the best of ten, since what else runs only adds. Exit status 1 if
+one takes longer than the limit.
 """
 
 import os
