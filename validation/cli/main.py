@@ -157,7 +157,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.row is None:
         read_scenario(options.scenario)  # a mistyped name need not wait for all that is below
     from sidestep.validation.cli.campaign import compared_to_row, replayed
-    from sidestep.validation.cli.console import print_runs, progress_bar
+    from sidestep.validation.console import print_runs, progress_bar
     from sidestep.validation.files import check_file
     from sidestep.validation.report.exports.junit import write_junit
     from sidestep.validation.report.exports.mdf import require_mdf, write_mdf

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sidestep.validation.judge.geometry import Array, car_boxes, edge_clearance, obstacle_boxes, signed_clearance
+from sidestep.validation.geometry import Array, car_boxes, edge_clearance, obstacle_boxes, signed_clearance
 from sidestep.validation.loop.recording import End, Recording
 from sidestep.validation.scenarios.scenario import Scenario
 

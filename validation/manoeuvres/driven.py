@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.cli.console import number
-from sidestep.validation.loop.closed_loop import simulate
+from sidestep.validation.console import number
+from sidestep.validation.judge.simulate import simulate
 from sidestep.validation.scenarios.library import built_in_scenarios
 from sidestep.validation.scenarios.random_scenes import random_scene
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario, parse_scenario

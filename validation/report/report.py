@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from typing import Any
 
-from sidestep.validation.cli.console import HEADS, cells, number, row_name
+from sidestep.validation.console import HEADS, cells, number, row_name
 from sidestep.validation.files import write_text, written_to
+from sidestep.validation.judge.run import Run
 from sidestep.validation.judge.summary import strict_json
 from sidestep.validation.loop.recording import STEP_UNITS, write_columns
 from sidestep.validation.report.compare.comparison import Line, compared_signals, compared_top_view
@@ -16,7 +17,6 @@ from sidestep.validation.report.still import still
 from sidestep.validation.report.style import BLUE, GREEN, ORANGE, PURPLE
 from sidestep.validation.report.topview import distance, top_view
 from sidestep.validation.report.usage_figure import usage_figure
-from sidestep.validation.studies.runs import Run
 
 _COLOURS = {"linear": ORANGE, "single-track": GREEN, "mujoco": BLUE, "linear (paper)": PURPLE}
 

@@ -17,7 +17,7 @@ from sidestep.plant_models.road.reference_path import Arc, Clothoid, Line, Refer
 from sidestep.plant_models.signals import VehicleState
 from sidestep.plant_models.tyres.property_file import read_tyre
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.judge.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
+from sidestep.validation.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
 from sidestep.validation.scenarios.library import read_scenario
 from sidestep.validation.scenarios.plant_settings import PlantSettings, plant_settings
 from sidestep.validation.scenarios.tables import built, checked, file_at, joined, override

@@ -31,7 +31,7 @@ from sidestep.controller.can_port.port import SteeringPort
 from sidestep.controller.mpc.mpc import Problem
 from sidestep.plant_models.errors import PlantError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.validation.cli.console import progress_bar
+from sidestep.validation.console import progress_bar
 from sidestep.validation.files import check_file, write_text, written_file
 from sidestep.validation.judge.summary import strict_json
 from sidestep.validation.loop.plants import PLANT_KINDS, open_plant

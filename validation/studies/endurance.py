@@ -22,7 +22,7 @@ from sidestep.controller import Plan, SteeringController
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.validation.cli.console import number, progress_bar
+from sidestep.validation.console import number, progress_bar
 from sidestep.validation.files import made
 from sidestep.validation.judge.verdict import judge
 from sidestep.validation.loop.cosimulation import cosimulate

@@ -19,7 +19,7 @@ from rich.table import Table
 
 from sidestep.controller import SteeringController
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.validation.cli.console import number
+from sidestep.validation.console import number
 from sidestep.validation.files import made
 from sidestep.validation.judge.verdict import judge
 from sidestep.validation.loop.cosimulation import cosimulate

@@ -18,8 +18,8 @@ from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.mujoco.plant import MujocoPlant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.cli.console import cells, number
 from sidestep.validation.cli.main import main
+from sidestep.validation.console import cells, number
 from sidestep.validation.interrupt import interrupts_between_steps
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import read_columns

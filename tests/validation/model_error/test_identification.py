@@ -11,8 +11,8 @@ from sidestep.fmu.importing.plant import FmuPlant
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.loop.open_loop import Response, drive
 from sidestep.validation.manoeuvres.catalogue import Manoeuvre, Ramp, RandomSteer
+from sidestep.validation.manoeuvres.open_loop import Response, drive
 from sidestep.validation.model_error.identification.identification import DRIVES, identify, ljung_box
 
 CAR = VehicleParameters.preset("bmw-320i")

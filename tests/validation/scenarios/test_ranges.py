@@ -9,7 +9,7 @@ import pytest
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.mujoco.surface import FrictionPatch
 from sidestep.plant_models.ranges import Range, bounded_fields
-from sidestep.validation.loop.closed_loop import simulate
+from sidestep.validation.judge.simulate import simulate
 from sidestep.validation.scenarios.keys import TABLES, numeric_keys
 from sidestep.validation.scenarios.scenario import load_scenario
 

@@ -23,8 +23,8 @@ from scipy.stats import chi2
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.loop.open_loop import PERIOD, Response
 from sidestep.validation.manoeuvres.catalogue import Manoeuvre, RandomSteer
+from sidestep.validation.manoeuvres.open_loop import PERIOD, Response
 
 Array = NDArray[np.float64]
 

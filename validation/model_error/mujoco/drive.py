@@ -10,7 +10,7 @@ from sidestep.controller import SteeringController
 from sidestep.plant_models.mujoco.bodies import WHEELS, corners
 from sidestep.plant_models.mujoco.plant import MujocoPlant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.validation.judge.geometry import Array
+from sidestep.validation.geometry import Array
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.model_error.mujoco.checks import Check
 from sidestep.validation.scenarios.scenario import parse_scenario
