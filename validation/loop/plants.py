@@ -106,7 +106,7 @@ def _require_plain_road(settings: PlantSettings) -> None:
 
 
 class ImperfectSteering:
-    """A plant whose wheels are told late, and stand to the left of where they are told to, unknown to its measurement.
+    """A plant with late commands, whose wheels stand to the left of the commanded angle; it measures neither.
 
     Args:
         plant: The plant behind.

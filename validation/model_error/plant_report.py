@@ -55,7 +55,7 @@ NOT_COVERED = (
     "Braking, accelerating and standing: speeds are held.",
     "Banked, sloped, bumpy and split-friction roads.",
     "Delay and lag of the steering: the models get the angle that was realised.",
-    "Errors in what the car measures, and in the friction that the affine model is told.",
+    "Errors in what the car measures, and in the friction that the affine model assumes.",
     "The standards' tolerances: manoeuvres and figures are in their style, no conformance is claimed.",
 )
 

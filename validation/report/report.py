@@ -120,7 +120,7 @@ def _not_covered(run: Run) -> list[str]:
     if run.recording.estimated:
         sentences.append(f"What the plant does not report but estimates: {', '.join(run.recording.estimated)}.")
     if not plant.noise and not plant.measured_offset:
-        sentences.append("Noise and offset of the measured state: the controller is told the truth (plant.noise).")
+        sentences.append("Noise and offset of the measured state: the controller gets the true state (plant.noise).")
     if not plant.delay and run.summary["coupling"] == "zero-delay":
         sentences.append("Delay: a command acts in the period in which it was computed (plant.delay, --coupling).")
     return [

@@ -68,7 +68,7 @@ CASES = (
     Case("paper", ("controller.preset=paper",)),
 )
 ROLLING = ("mujoco", "double-track")
-"""Plants with springs, of which the controller is told."""
+"""Plants with springs, which the controller predicts (`controller.body_roll`)."""
 OFFSET_CASES = (Case("observed"), Case("not observed", ("controller.reject_disturbance=false",)))
 
 
@@ -184,9 +184,9 @@ def scene(case: Case, plant: str, speed: float, overrides: Sequence[str] = ()) -
     Raises:
         InputError: Bad override.
     """
-    told = [f"controller.body_roll={str(plant in ROLLING).lower()}"]
+    rolling = [f"controller.body_roll={str(plant in ROLLING).lower()}"]
     scenario = load_scenario(
-        "moose", [*told, *overrides, *case.overrides, f"plant.kind={plant}", f"speed={speed / 3.6}"]
+        "moose", [*rolling, *overrides, *case.overrides, f"plant.kind={plant}", f"speed={speed / 3.6}"]
     )  # fmt: skip
     config = scenario.controller
     obstacles = cones(scenario.vehicle.width, -config.width_right, config.width_left)

@@ -61,8 +61,8 @@ def test_with_noise_within_a_percent_and_the_intervals_cover_the_truth():
 def test_yaw_rate_alone_is_refused_though_it_fits():
     found = identify(noisy(0), CAR, signals=("yaw_rate",))
     assert found.explained[0] > 0.99
-    assert "cannot be told apart: correlation" in found.problem
-    with pytest.raises(InputError, match="told apart"):
+    assert "cannot be separated: correlation" in found.problem
+    with pytest.raises(InputError, match="cannot be separated"):
         found.vehicle(CAR)
 
 
