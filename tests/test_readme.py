@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sidestep.validation.cli.main import _parser
-from sidestep.validation.scenarios.scenario import built_in_scenarios
+from sidestep.validation.scenarios.library import built_in_scenarios
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -2,7 +2,7 @@
 
 reference_point = -1.3                      # where the FMU's position is, ahead of the centre of gravity [m]
 estimate = ["yaw_rate", "v_y"]              # what it does not report and is to be worked out from the rest
-[inputs]                                    # what the FMU is told; those not named are not set
+[inputs]                                    # what the FMU gets; those not named are not set
 steer_angle = { variable = "HandWheel", unit = "deg", ratio = 16.0, sign = -1 }
 target_speed = { variable = "v_set", unit = "km/h" }
 [outputs]                                   # what it reports; those not named have our own names
@@ -40,7 +40,7 @@ UNITS: dict[str, dict[str, float]] = {
 """SI units per unit, by dimension."""
 
 INPUTS = ("steer_angle", "target_speed", "acceleration", "throttle", "brake")
-"""Signals that an FMU may be told. The last three follow from the target speed by the speed control of our own
+"""Signals that an FMU may get as inputs. The last three follow from the target speed by the speed control of our own
 plants: wanted acceleration, its positive part, its negative part; all in [m/s^2]."""
 
 

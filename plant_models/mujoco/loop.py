@@ -52,7 +52,7 @@ def stop_the_clock() -> None:
 
 
 @kernel
-def ackermann(angle, offset):
+def ackermann(angle: float, offset: float) -> float:
     """Angle of a wheel whose kingpin is `offset` wheelbases left of the axle's middle, in [rad]."""
     return math.atan2(math.sin(angle), math.cos(angle) - offset * math.sin(angle))
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from sidestep.plant_models.check_plant import check_plant
+from sidestep.plant_models.checks.check_plant import check_plant
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState

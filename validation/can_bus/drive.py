@@ -29,6 +29,7 @@ from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.validation.files import made
 from sidestep.validation.interrupt import interrupts_between_steps
+from sidestep.validation.judge.run import Run
 from sidestep.validation.judge.summary import summarise
 from sidestep.validation.judge.verdict import judge
 from sidestep.validation.loop.closed_loop import bare_controller
@@ -38,7 +39,6 @@ from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import STEP_UNITS, Recording
 from sidestep.validation.loop.start import reset_to
 from sidestep.validation.scenarios.scenario import Scenario
-from sidestep.validation.studies.runs import Run
 
 PATIENCE = 120.0
 """How long a node waits for the other end, in [s]."""

@@ -130,8 +130,8 @@ def _drive(options: argparse.Namespace) -> int:
 
 def _plant(options: argparse.Namespace) -> int:
     from sidestep.validation.can_bus.drive import run_plant
-    from sidestep.validation.cli.console import print_runs, progress_bar
     from sidestep.validation.cli.main import plant_overrides
+    from sidestep.validation.console import print_runs, progress_bar
     from sidestep.validation.report.report import write_run
     from sidestep.validation.scenarios.scenario import load_scenario
 

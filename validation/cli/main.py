@@ -147,17 +147,21 @@ def _bench(options: argparse.Namespace) -> int:
 
 
 def _scenarios(options: argparse.Namespace) -> int:
-    from sidestep.validation.scenarios.scenario import built_in_scenarios, load_scenario
+    from sidestep.validation.scenarios.library import built_in_scenarios, outline
 
     for name in built_in_scenarios():
-        scenario = load_scenario(name)
-        print(f"{name:18}{scenario.speed:5.1f} m/s  {scenario.path.length:4.0f} m  {scenario.description}")
+        one = outline(name)
+        print(f"{name:18}{one.speed:5.1f} m/s  {one.length:4.0f} m  {one.description}")
     return 0
 
 
 def _run(options: argparse.Namespace) -> int:
+    from sidestep.validation.scenarios.library import read_scenario
+
+    if options.row is None:
+        read_scenario(options.scenario)  # a mistyped name need not wait for all that is below
     from sidestep.validation.cli.campaign import compared_to_row, replayed
-    from sidestep.validation.cli.console import print_runs, progress_bar
+    from sidestep.validation.console import print_runs, progress_bar
     from sidestep.validation.files import check_file
     from sidestep.validation.report.exports.junit import write_junit
     from sidestep.validation.report.exports.mdf import require_mdf, write_mdf

@@ -62,7 +62,8 @@ def _validate(options: argparse.Namespace) -> int:
         unused = "--junit" if options.manoeuvre in MANOEUVRES else "--out"
         refuse_beside(f"--manoeuvre {options.manoeuvre}", cells | {unused: given[unused]})
         return run_manoeuvre(options.manoeuvre, overrides, out, options.junit)
-    from sidestep.validation.model_error.envelope import frictions_of, open_loop_scenario
+    from sidestep.validation.manoeuvres.scene import open_loop_scenario
+    from sidestep.validation.model_error.envelope import frictions_of
     from sidestep.validation.model_error.plant_report import validate_plant
     from sidestep.validation.model_error.validate import checks_of, junit_cases, write_figures
     from sidestep.validation.report.exports.junit import write_junit

@@ -6,14 +6,14 @@ from functools import partial
 from pathlib import Path
 from typing import Self
 
-from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.errors import InputError, did_you_mean
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 from sidestep.validation.loop.delay_line import DelayLine
 from sidestep.validation.scenarios.plant_settings import PlantSettings
 from sidestep.validation.scenarios.scenario import Scenario
-from sidestep.validation.scenarios.tables import did_you_mean, file_at
+from sidestep.validation.scenarios.tables import file_at
 
 PLANT_KINDS = ("linear", "single-track", "double-track", "mujoco")
 """Plants that come with the package; the path of an .fmu file is one more."""
@@ -106,7 +106,7 @@ def _require_plain_road(settings: PlantSettings) -> None:
 
 
 class ImperfectSteering:
-    """A plant whose wheels are told late, and stand to the left of where they are told to, unknown to its measurement.
+    """A plant with late commands, whose wheels stand to the left of the commanded angle; it measures neither.
 
     Args:
         plant: The plant behind.

@@ -7,14 +7,14 @@ from matplotlib.figure import Figure
 
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.loop.open_loop import Response, drive
+from sidestep.validation.manoeuvres.open_loop import Response, drive
 from sidestep.validation.model_error.envelope import cell_manoeuvres
 from sidestep.validation.model_error.envelope_figure import MODEL_TITLES
-from sidestep.validation.model_error.evidence import Evidence, Table
 from sidestep.validation.model_error.prediction_error import STATE_UNITS, prediction_errors, statistics
 from sidestep.validation.model_error.prediction_models import MODELS, STEP
 from sidestep.validation.model_error.step_size import LARGEST_SHARE, step_halving
 from sidestep.validation.model_error.theil import theil
+from sidestep.validation.report.evidence import Evidence, Table
 from sidestep.validation.report.style import BLUE, panel, styled
 
 SPEED, ACCELERATION = 15.0, 4.0

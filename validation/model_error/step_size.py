@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.loop.open_loop import drive
+from sidestep.validation.manoeuvres.open_loop import drive
 from sidestep.validation.model_error.envelope import cell_manoeuvres
 from sidestep.validation.model_error.prediction_error import prediction_errors, statistics
 from sidestep.validation.model_error.prediction_models import MODELS

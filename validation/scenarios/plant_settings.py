@@ -64,7 +64,9 @@ class PlantSettings:
 
 
 @dataclass
-class _Heights:
+class Heights:
+    """The table `plant.heights`: a file of heights, and where its grid lies."""
+
     path: str
     spacing: Annotated[float, Range(0.001, 1e4, "m")]
     x: Annotated[float, Range(-1e6, 1e6, "m")] = 0.0
@@ -86,5 +88,5 @@ def plant_settings(table: dict[str, Any], folder: Path) -> PlantSettings:
 
 
 def _heights(table: Any, folder: Path) -> HeightField:
-    values = checked(_Heights, table, "plant.heights")
+    values = checked(Heights, table, "plant.heights")
     return HeightField.from_csv(file_at(folder, values.pop("path"), "plant.heights.path"), **values)

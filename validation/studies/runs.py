@@ -2,46 +2,20 @@
 
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from sidestep.controller.can_port.port import SteeringPort
 from sidestep.validation.files import made
+from sidestep.validation.judge.run import Run
 from sidestep.validation.judge.summary import summarise
-from sidestep.validation.judge.verdict import Judgement, judge
+from sidestep.validation.judge.verdict import judge
 from sidestep.validation.loop.closed_loop import open_controller
 from sidestep.validation.loop.cosimulation import PLANT_STEP, Coupling, cosimulate
 from sidestep.validation.loop.plants import open_plant
-from sidestep.validation.loop.recording import End, Recording
 from sidestep.validation.loop.start import reset_to
 from sidestep.validation.report.film import film
 from sidestep.validation.report.viewer import viewer
 from sidestep.validation.scenarios.scenario import Scenario
-
-
-@dataclass(frozen=True)
-class Run:
-    """A finished run.
-
-    Attributes:
-        scenario: What was driven.
-        recording: What happened.
-        judgement: What it is worth.
-        summary: Its numbers, as in summary.json.
-        folder: Where its files are.
-    """
-
-    scenario: Scenario
-    recording: Recording
-    judgement: Judgement
-    summary: dict[str, Any]
-    folder: Path
-
-    @property
-    def interrupted(self) -> bool:
-        """Whether it was ended from the keyboard."""
-        return self.recording.end is End.INTERRUPTED
 
 
 def drive(

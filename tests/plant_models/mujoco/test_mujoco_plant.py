@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from sidestep.plant_models.check_plant import check_plant
+from sidestep.plant_models.checks.check_plant import check_plant
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.mujoco.bodies import WHEELS, corners

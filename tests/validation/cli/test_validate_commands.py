@@ -132,7 +132,7 @@ def test_identify_writes_the_file_that_the_controller_reads(tmp_path, monkeypatc
     assert found.cornering_stiffness_front == pytest.approx(9e4, rel=0.01)  # what the plant had
     assert found.yaw_inertia == pytest.approx(1400.0, rel=0.01)
     assert found.cornering_stiffness_rear == pytest.approx(car.cornering_stiffness_rear, rel=0.01)
-    assert "told apart" not in capsys.readouterr().out
+    assert "cannot be separated" not in capsys.readouterr().out
     monkeypatch.chdir(file.parent)  # from where a built-in scenario finds it
     assert load_scenario("moose", ["vehicle.file=car.toml"]).vehicle.yaw_inertia == found.yaw_inertia
 

@@ -23,8 +23,8 @@ from scipy.stats import chi2
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.loop.open_loop import PERIOD, Response
 from sidestep.validation.manoeuvres.catalogue import Manoeuvre, RandomSteer
+from sidestep.validation.manoeuvres.open_loop import PERIOD, Response
 
 Array = NDArray[np.float64]
 
@@ -94,7 +94,7 @@ class Identification:
         pairs = np.abs(self.correlation - np.eye(3))
         i, j = np.unravel_index(int(pairs.argmax()), pairs.shape)
         if pairs[i, j] > LARGEST_CORRELATION:
-            return f"{PARAMETERS[i]} and {PARAMETERS[j]} cannot be told apart: correlation {self.correlation[i, j]:.3f}"
+            return f"{PARAMETERS[i]} and {PARAMETERS[j]} cannot be separated: correlation {self.correlation[i, j]:.3f}"
         least = int(self.explained.argmin())
         if self.explained[least] < LEAST_EXPLAINED:
             return f"the model explains only {self.explained[least]:.0%} of {self.signals[least]}"

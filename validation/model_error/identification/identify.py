@@ -6,12 +6,12 @@ from pathlib import Path
 
 from sidestep.controller.mpc.car_model import Car, axle_force
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.cli.console import progress_bar
+from sidestep.validation.console import progress_bar
 from sidestep.validation.files import check_file, write_text, written_file
 from sidestep.validation.loop.measurement import measured
-from sidestep.validation.loop.open_loop import drive
 from sidestep.validation.loop.plants import open_plant
-from sidestep.validation.model_error.envelope import open_loop_scenario
+from sidestep.validation.manoeuvres.open_loop import drive
+from sidestep.validation.manoeuvres.scene import open_loop_scenario
 from sidestep.validation.model_error.identification.identification import (
     DRIVES,
     PARAMETERS,

@@ -1,0 +1,1 @@
+"""Whether a plant keeps to the conventions of the seams."""
