@@ -130,8 +130,8 @@ class SteeringController:
         self._car = Car.of(self.vehicle, self.config.tyre_model == "affine", friction, self._body)
         share = self.config.slip_share
         self._slip_limits = (
-            share * peak_slip(self._car.load_f, self._car),
-            share * peak_slip(self._car.load_r, self._car),
+            share * peak_slip(self._car.stiffness_f, self._car.load_f, self._car),
+            share * peak_slip(self._car.stiffness_r, self._car.load_r, self._car),
         )
 
     def _slip_bounds(self, v: float) -> tuple[float, float]:

@@ -91,7 +91,7 @@ def _slip_of(force, stiffness, load, car):
     """Smallest slip angle at which an axle makes a force, in [rad]; that of the peak if it never does."""
     if not car.affine:
         return force / stiffness
-    low, high = 0.0, peak_slip(load, car)
+    low, high = 0.0, peak_slip(stiffness, load, car)
     while high - low > SLIP_ACCURACY:
         middle = 0.5 * (low + high)
         if axle_force(middle, stiffness, load, car) < force:

@@ -26,16 +26,16 @@ def magic_formula(kappa, alpha, load, friction, p):
 
 
 @njit(cache=True, nogil=True)
-def lateral_force(alpha, load, friction, p):
+def lateral_force(alpha, load, friction, p, scale=1.0):
     """Lateral force of an upright tyre without longitudinal slip, in [N]; arguments as of `tyre_forces`."""
     if load <= 0.0 or friction <= 0.0:
         return 0.0
-    force, _, _, _ = _pure_lateral(alpha / friction, 0.0, load, load / p[0]["nominal_load"] - 1.0, p[0])
+    force, _, _, _ = _pure_lateral(alpha / friction, 0.0, load, load / p[0]["nominal_load"] - 1.0, p[0], scale)
     return friction * force
 
 
 @njit(cache=True, nogil=True)
-def tyre_forces(kappa, alpha, camber, load, friction, p):
+def tyre_forces(kappa, alpha, camber, load, friction, p, scale=1.0):
     """Steady-state shear force and aligning moment of one tyre.
 
     Road friction shrinks the law to a similar one, F = mu F(kappa / mu, alpha / mu) (Pacejka, section 4.2.1):
@@ -48,6 +48,7 @@ def tyre_forces(kappa, alpha, camber, load, friction, p):
         load: Wheel load, in [N]; no force at or below zero.
         friction: Road friction as a factor on the tyre's peak, in [-].
         p: Coefficients, `TyreParameters.as_array()`.
+        scale: Factor on the cornering stiffness, LKY of the TNO files.
 
     Returns:
         Longitudinal and lateral force, in [N], and the moment about the upward axis, in [N m].
@@ -58,7 +59,7 @@ def tyre_forces(kappa, alpha, camber, load, friction, p):
     kappa, slip = kappa / friction, alpha / friction
     dfz = load / t["nominal_load"] - 1.0
     fx0, stiffness_x = _pure_longitudinal(kappa, lean, load, dfz, t)
-    fy0, stiffness_y, peak_y, shift = _pure_lateral(slip, lean, load, dfz, t)
+    fy0, stiffness_y, peak_y, shift = _pure_lateral(slip, lean, load, dfz, t, scale)
 
     b = (t["r_bx1"] + t["r_bx3"] * lean**2) * _cos_atan(t["r_bx2"] * kappa)
     fx = fx0 * _weight(b, t["r_cx1"], t["r_ex1"] + t["r_ex2"] * dfz, slip, t["r_hx1"])
@@ -123,10 +124,10 @@ def _pure_longitudinal(kappa, lean, load, dfz, t):
 
 
 @njit(cache=True, nogil=True)
-def _pure_lateral(alpha, lean, load, dfz, t):
+def _pure_lateral(alpha, lean, load, dfz, t, scale):
     """Force, cornering stiffness, peak, and the slip angle by which the curve is shifted; (4.E19) to (4.E30)."""
     peak = max(t["p_dy1"] + t["p_dy2"] * dfz, 0.1) * max(1.0 - t["p_dy3"] * lean**2, 0.1) * load
-    stiffness = _stiffness(load, lean, t)
+    stiffness = scale * _stiffness(load, lean, t)
     rise = load * (t["p_vy3"] + t["p_vy4"] * dfz) * lean
     thrust = load * (t["p_ky6"] + t["p_ky7"] * dfz) * lean
     shift = t["p_hy1"] + t["p_hy2"] * dfz + (thrust - rise) / stiffness

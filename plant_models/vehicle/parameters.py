@@ -7,12 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.tyres.formula import cornering_stiffness
 from sidestep.plant_models.tyres.parameters import TyreParameters
 from sidestep.plant_models.tyres.property_file import read_tyre
 
 GRAVITY = 9.81
 """Acceleration of gravity used by every plant, in [m/s^2]."""
 
+AXLES = ("front", "rear")
+
+_OR_ZERO = ("anti_roll_front", "anti_roll_rear", "steer_delay", "roll_centre_front", "roll_centre_rear")
 _PRESETS = Path(__file__).parent / "presets"
 
 
@@ -31,6 +35,8 @@ class SuspensionParameters:
         wheel_radius: Unloaded radius, in [m].
         wheel_spin_inertia: Spin inertia per wheel, in [kg m^2].
         steer_delay: Time until the steering actuator hears a command, in [s].
+        roll_centre_front, roll_centre_rear: Height of the roll centre of the axle above the road, in [m]: where the
+            suspension passes the tyres' lateral forces to the body. 0 leaves all of them to springs and dampers.
     """
 
     unsprung_mass_front: float
@@ -49,9 +55,11 @@ class SuspensionParameters:
     wheel_radius: float
     wheel_spin_inertia: float
     steer_delay: float = 0.0
+    roll_centre_front: float = 0.0
+    roll_centre_rear: float = 0.0
 
     def __post_init__(self) -> None:
-        _require_positive(self, or_zero=("anti_roll_front", "anti_roll_rear", "steer_delay"))
+        _require_positive(self, or_zero=_OR_ZERO)
         if self.steer_delay >= 1.0:
             raise InputError("vehicle.suspension.steer_delay", f"{self.steer_delay} s", "0 <= value < 1")
 
@@ -71,7 +79,8 @@ class VehicleParameters:
         mass: Total mass m, in [kg].
         yaw_inertia: TOTAL yaw inertia I_z, in [kg m^2].
         l_f, l_r: Distance of front and rear axle from the centre of gravity, in [m].
-        cornering_stiffness_front, cornering_stiffness_rear: PER AXLE (2 k_f, 2 k_r of the paper), in [N/rad].
+        cornering_stiffness_front, cornering_stiffness_rear: PER AXLE (2 k_f, 2 k_r of the paper), in [N/rad], at the
+            static load: of the linear tyres, and of `tyre` as the axle mounts it (`tyre_scale`).
         width, length: Outer dimensions, in [m].
         front_overhang: Front axle to front bumper, in [m]; the rear overhang is what is left of the length.
         cg_height: Height of the centre of gravity, in [m].
@@ -79,7 +88,7 @@ class VehicleParameters:
         steer_rate_limit: Largest road-wheel rate, in [rad/s].
         steer_time_constant: First-order lag of the steering actuator, in [s]; 0 for none.
         max_braking, max_acceleration: Limits of the speed control, in [m/s^2].
-        tyre: Magic Formula coefficients, equal on all wheels.
+        tyre: Magic Formula coefficients, equal on all wheels but for the stiffness of their axle.
         suspension: Multibody data; None if the car has none.
     """
 
@@ -113,6 +122,24 @@ class VehicleParameters:
                 "vehicle.length", f"{self.length} m is shorter than wheelbase and front overhang",
                 f">= {self.wheelbase + self.front_overhang:.3f}",
             )  # fmt: skip
+
+        for axle in AXLES:
+            if getattr(self.suspension, f"roll_centre_{axle}", 0.0) >= self.cg_height:
+                raise InputError(
+                    f"vehicle.suspension.roll_centre_{axle}", "not below the centre of gravity", f"< {self.cg_height}"
+                )  # fmt: skip
+
+    def axle_load(self, axle: str) -> float:
+        """Static load of the axle "front" or "rear", in [N]."""
+        return self.mass * GRAVITY * (self.l_r if axle == "front" else self.l_f) / self.wheelbase
+
+    def tyre_stiffness(self, axle: str) -> float:
+        """Cornering stiffness of two tyres as `tyre` says, at the axle's static load, in [N/rad]."""
+        return 2.0 * float(cornering_stiffness(0.5 * self.axle_load(axle), self.tyre.as_array()))
+
+    def tyre_scale(self, axle: str) -> float:
+        """What the cornering stiffness of `tyre` is multiplied by on this axle: the axle's over the tyres'."""
+        return getattr(self, f"cornering_stiffness_{axle}") / self.tyre_stiffness(axle)
 
     @property
     def wheelbase(self) -> float:
@@ -153,7 +180,8 @@ class VehicleParameters:
     def from_file(cls, path: str | Path, **overrides: Any) -> "VehicleParameters":
         """Read a vehicle TOML file: the fields of this class, tables `tyre` and `suspension`.
 
-        `tyre_file` names a .tir file, seen from this file's folder; `tyre` then changes what it says.
+        `tyre_file` names a .tir file, seen from this file's folder; `tyre` then changes what it says. Cornering
+        stiffnesses that the file does not give are the tyres'; one source alone may say them.
 
         Raises:
             InputError: The file cannot be read, or a key or value in it cannot be used.
@@ -164,10 +192,16 @@ class VehicleParameters:
             raise InputError(str(path), str(error)) from error
         data.setdefault("name", Path(path).stem)
         try:
+            require_one_stiffness(data)
             data["tyre"] = _tyre(data, Path(path).parent)
             if "suspension" in data:
                 data["suspension"] = _build(SuspensionParameters, "vehicle.suspension", data["suspension"])
-            vehicle = _build(cls, "vehicle", data)
+            unsaid = [f"cornering_stiffness_{axle}" for axle in AXLES if f"cornering_stiffness_{axle}" not in data]
+            if len(unsaid) == 1:
+                raise InputError(f"vehicle.{unsaid[0]}", "missing", "the stiffness of both axles, or of neither")
+            vehicle = _build(cls, "vehicle", {**dict.fromkeys(unsaid, 1.0), **data})
+            if unsaid:
+                vehicle = vehicle.on_tyres(vehicle.tyre)
         except InputError as error:
             raise InputError(f"{path}: {error.where}", error.problem, error.allowed) from error
         return vehicle.with_(**overrides) if overrides else vehicle
@@ -175,12 +209,42 @@ class VehicleParameters:
     def with_(self, **overrides: Any) -> "VehicleParameters":
         """A copy with some fields replaced.
 
+        The tyres stay on the car: where load or tyre change, so does the stiffness of an axle that is not given.
+
         Raises:
             InputError: No such field, or a value out of range.
         """
         for key in overrides:
             _require_known(type(self), "vehicle", key)
-        return replace(self, **overrides)
+        changed = replace(self, **overrides)
+        if not overrides.keys() & {"mass", "l_f", "l_r", "tyre"}:
+            return changed
+        kept = {
+            f"cornering_stiffness_{axle}": self.tyre_scale(axle) * changed.tyre_stiffness(axle)
+            for axle in AXLES
+            if f"cornering_stiffness_{axle}" not in overrides
+        }
+        return replace(changed, **kept)
+
+    def on_tyres(self, tyre: TyreParameters) -> "VehicleParameters":
+        """The car on four tyres of one make, whose stiffness both axles then have."""
+        bare = replace(self, tyre=tyre)
+        return replace(bare, **{f"cornering_stiffness_{axle}": bare.tyre_stiffness(axle) for axle in AXLES})
+
+
+def require_one_stiffness(table: dict[str, Any]) -> None:
+    """Refuse a table of a vehicle that says how stiff the tyres are in two places.
+
+    Raises:
+        InputError: With the second place.
+    """
+    given = [axle for axle in AXLES if f"cornering_stiffness_{axle}" in table]
+    tyre = table.get("tyre")
+    second = "tyre_file" if table.get("tyre_file") else "tyre.p_ky1" if isinstance(tyre, dict) and "p_ky1" in tyre else ""
+    if given and second:
+        raise InputError(
+            f"vehicle.{second}", f"says how stiff the tyres are, and so does cornering_stiffness_{given[0]}", "one of them"
+        )  # fmt: skip
 
 
 def vehicle_presets() -> tuple[str, ...]:

@@ -90,8 +90,6 @@ def true_vehicle(scenario: Scenario) -> VehicleParameters:
         return vehicle.with_(
             mass=mass * vehicle.mass,
             yaw_inertia=mass * vehicle.yaw_inertia,
-            cornering_stiffness_front=stiffness * vehicle.cornering_stiffness_front,
-            cornering_stiffness_rear=stiffness * vehicle.cornering_stiffness_rear,
             tyre=replace(vehicle.tyre, p_ky1=stiffness * vehicle.tyre.p_ky1),
             suspension=chassis,
         )

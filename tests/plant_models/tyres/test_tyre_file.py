@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from importlib.resources import files
 from pathlib import Path
 
@@ -162,14 +163,21 @@ def test_files_that_are_none(tir, tmp_path):
 
 def test_vehicle_files_and_scenarios_name_a_tyre_file(tir, tmp_path):
     tir()
-    preset = files("sidestep.plant_models") / "vehicles" / "bmw-320i.toml"
+    preset = files("sidestep.plant_models") / "vehicle" / "presets" / "bmw-320i.toml"
     car = tmp_path / "car.toml"
-    car.write_text('tyre_file = "tyre.tir"\n' + preset.read_text().replace("nominal_load = 2681.3", "p_dy1 = 0.7"))
+    text = preset.read_text().replace("nominal_load = 2681.3", "p_dy1 = 0.7")
+    car.write_text('tyre_file = "tyre.tir"\n' + text)
+    with pytest.raises(InputError, match=r"vehicle\.tyre_file: says how stiff the tyres are, and so does cornering_"):
+        VehicleParameters.from_file(car)
+    car.write_text('tyre_file = "tyre.tir"\n' + re.sub(r"cornering_stiffness_.*\n", "", text))
     tyre = VehicleParameters.from_file(car).tyre
     assert (tyre.p_dy1, tyre.p_ky1) == (0.7, 15.324)
     file = json.dumps(str(tmp_path / "tyre.tir"))
-    tyre = load_scenario("moose", [f"vehicle.tyre_file={file}", "vehicle.tyre.p_dy1=0.8"]).vehicle.tyre
-    assert (tyre.p_dy1, tyre.p_ky1) == (0.8, 15.324)
+    shod = load_scenario("moose", [f"vehicle.tyre_file={file}", "vehicle.tyre.p_dy1=0.8"]).vehicle
+    assert (shod.tyre.p_dy1, shod.tyre.p_ky1) == (0.8, 15.324)
+    assert shod.tyre_scale("front") == shod.tyre_scale("rear") == pytest.approx(1.0)
+    with pytest.raises(InputError, match=r"vehicle\.tyre_file: says how stiff"):
+        load_scenario("moose", [f"vehicle.tyre_file={file}", "vehicle.cornering_stiffness_front=1e5"])
     tir("FITTYP = 61", "FITTYP = 5")
     with pytest.raises(InputError, match=r"tyre\.tir, line 9, FITTYP: '5'; allowed: 61, 62"):
         load_scenario("moose", [f"vehicle.tyre_file={file}"])
