@@ -10,7 +10,8 @@ from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.road.reference_path import Arc, Clothoid, Line, ReferencePath
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
 from sidestep.plant_models.tyres.parameters import TyreParameters
-from sidestep.plant_models.vehicle.parameters import SuspensionParameters, VehicleParameters, vehicle_presets
+from sidestep.plant_models.vehicle.parameters import VehicleParameters, vehicle_presets
+from sidestep.plant_models.vehicle.suspension import SuspensionParameters
 
 if TYPE_CHECKING:
     from sidestep.plant_models.mujoco.plant import MujocoPlant

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 from sidestep.fmu.description.variables import MOTION, Model, Variable
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.speed_control import SPEED_GAIN
-from sidestep.plant_models.vehicle.parameters import AXLES, SuspensionParameters, VehicleParameters
+from sidestep.plant_models.vehicle.parameters import AXLES, VehicleParameters
+from sidestep.plant_models.vehicle.suspension import SuspensionParameters
 
 # name, unit, description
 _ROLL = (

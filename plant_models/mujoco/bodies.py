@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass
 
 from sidestep.plant_models.errors import InputError
-from sidestep.plant_models.vehicle.parameters import GRAVITY, SuspensionParameters, VehicleParameters
+from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
+from sidestep.plant_models.vehicle.suspension import SuspensionParameters
 
 WHEELS = ("fl", "fr", "rl", "rr")
 """Front left, front right, rear left, rear right: the order of everything that comes in fours."""

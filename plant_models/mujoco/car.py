@@ -18,7 +18,8 @@ from sidestep.plant_models.mujoco.looks import add_cabin, add_looks
 from sidestep.plant_models.mujoco.surface import HeightField, Surface
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.tyres.contact import STATE, TYRE_MODES
-from sidestep.plant_models.vehicle.parameters import GRAVITY, SuspensionParameters, VehicleParameters
+from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
+from sidestep.plant_models.vehicle.suspension import SuspensionParameters
 
 # Ours: what the CommonRoad sets lack. It hardly shows in the motion of the car.
 _TYRE_WIDTH = 0.205  # [m]

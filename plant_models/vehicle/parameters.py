@@ -1,8 +1,9 @@
 """Vehicle data: one frozen record per car, presets as TOML files beside this module."""
 
+import difflib
 import math
 import tomllib
-from dataclasses import MISSING, dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,64 +11,14 @@ from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.tyres.formula import cornering_stiffness
 from sidestep.plant_models.tyres.parameters import TyreParameters
 from sidestep.plant_models.tyres.property_file import read_tyre
-
-GRAVITY = 9.81
-"""Acceleration of gravity used by every plant, in [m/s^2]."""
+from sidestep.plant_models.vehicle.checks import GRAVITY, built, require_known, require_positive
+from sidestep.plant_models.vehicle.library import library_car, library_cars
+from sidestep.plant_models.vehicle.suspension import SuspensionParameters
 
 AXLES = ("front", "rear")
+STIFFNESSES = tuple(f"cornering_stiffness_{axle}" for axle in AXLES)
 
-_OR_ZERO = ("anti_roll_front", "anti_roll_rear", "steer_delay", "roll_centre_front", "roll_centre_rear")
 _PRESETS = Path(__file__).parent / "presets"
-
-
-@dataclass(frozen=True)
-class SuspensionParameters:
-    """Chassis data that only multibody plants need (CommonRoad vehicle models, appendix tables).
-
-    Attributes:
-        unsprung_mass_front, unsprung_mass_rear: Unsprung mass PER AXLE, in [kg]; the rest of the car is sprung.
-        roll_inertia, pitch_inertia: Inertia of the sprung mass, in [kg m^2].
-        spring_front, spring_rear: Wheel rate per wheel, in [N/m].
-        damper_front, damper_rear: Damping per wheel, in [N s/m].
-        anti_roll_front, anti_roll_rear: Auxiliary roll stiffness per axle, in [N m/rad].
-        track_front, track_rear: Track width, in [m].
-        tyre_stiffness: Vertical tyre stiffness per wheel, in [N/m].
-        wheel_radius: Unloaded radius, in [m].
-        wheel_spin_inertia: Spin inertia per wheel, in [kg m^2].
-        steer_delay: Time until the steering actuator hears a command, in [s].
-        roll_centre_front, roll_centre_rear: Height of the roll centre of the axle above the road, in [m]: where the
-            suspension passes the tyres' lateral forces to the body. 0 leaves all of them to springs and dampers.
-    """
-
-    unsprung_mass_front: float
-    unsprung_mass_rear: float
-    roll_inertia: float
-    pitch_inertia: float
-    spring_front: float
-    spring_rear: float
-    damper_front: float
-    damper_rear: float
-    anti_roll_front: float
-    anti_roll_rear: float
-    track_front: float
-    track_rear: float
-    tyre_stiffness: float
-    wheel_radius: float
-    wheel_spin_inertia: float
-    steer_delay: float = 0.0
-    roll_centre_front: float = 0.0
-    roll_centre_rear: float = 0.0
-
-    def __post_init__(self) -> None:
-        _require_positive(self, or_zero=_OR_ZERO)
-        if self.steer_delay >= 1.0:
-            raise InputError("vehicle.suspension.steer_delay", f"{self.steer_delay} s", "0 <= value < 1")
-
-    def roll_of_axle(self, axle: str) -> tuple[float, float]:
-        """Roll stiffness [N m/rad] of springs and anti-roll bar, and roll damping [N m s/rad], of "front" or "rear"."""
-        lever = 0.5 * getattr(self, f"track_{axle}") ** 2  # half the track squared times two wheels
-        stiffness = getattr(self, f"spring_{axle}") * lever + getattr(self, f"anti_roll_{axle}")
-        return stiffness, getattr(self, f"damper_{axle}") * lever
 
 
 @dataclass(frozen=True)
@@ -90,6 +41,7 @@ class VehicleParameters:
         max_braking, max_acceleration: Limits of the speed control, in [m/s^2].
         tyre: Magic Formula coefficients, equal on all wheels but for the stiffness of their axle.
         suspension: Multibody data; None if the car has none.
+        steering_ratio: Angle of the steering wheel over that of the road wheels; None if not known.
     """
 
     name: str
@@ -110,9 +62,10 @@ class VehicleParameters:
     max_acceleration: float = 3.0
     tyre: TyreParameters = field(default_factory=TyreParameters)
     suspension: SuspensionParameters | None = None
+    steering_ratio: float | None = None
 
     def __post_init__(self) -> None:
-        _require_positive(self, or_zero=("steer_time_constant",))
+        require_positive(self, "vehicle", ("steer_time_constant",), without=("name", "tyre", "suspension"))
         if self.steer_time_constant >= 1.0:
             raise InputError("vehicle.steer_time_constant", f"{self.steer_time_constant} s", "0 <= value < 1")
         if self.steer_limit >= math.pi / 2:
@@ -172,8 +125,13 @@ class VehicleParameters:
         Raises:
             InputError: No such preset or field, or a value out of range.
         """
+        if name in library_cars():
+            return _vehicle(cls, library_car(name), f"preset {name}", _PRESETS).with_(**overrides)
         if name not in vehicle_presets():
-            raise InputError("vehicle.preset", f"unknown preset {name!r}", ", ".join(vehicle_presets()))
+            known = (*vehicle_presets(), *library_cars())
+            close = difflib.get_close_matches(name, known, n=1)
+            problem = f"unknown preset {name!r}" + (f", did you mean {close[0]}?" if close else "")
+            raise InputError("vehicle.preset", problem, f"{', '.join(vehicle_presets())}, one of `sidestep vehicles`")
         return cls.from_file(_PRESETS / f"{name}.toml", **overrides)
 
     @classmethod
@@ -181,30 +139,13 @@ class VehicleParameters:
         """Read a vehicle TOML file: the fields of this class, tables `tyre` and `suspension`.
 
         `tyre_file` names a .tir file, seen from this file's folder; `tyre` then changes what it says. Cornering
-        stiffnesses that the file does not give are the tyres'; one source alone may say them.
+        stiffnesses that the file does not give are the tyres'; one source alone may say them. The table `source`
+        tells, in words, where a number is from.
 
         Raises:
             InputError: The file cannot be read, or a key or value in it cannot be used.
         """
-        try:
-            data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-        except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise InputError(str(path), str(error)) from error
-        data.setdefault("name", Path(path).stem)
-        try:
-            require_one_stiffness(data)
-            data["tyre"] = _tyre(data, Path(path).parent)
-            if "suspension" in data:
-                data["suspension"] = _build(SuspensionParameters, "vehicle.suspension", data["suspension"])
-            unsaid = [f"cornering_stiffness_{axle}" for axle in AXLES if f"cornering_stiffness_{axle}" not in data]
-            if len(unsaid) == 1:
-                raise InputError(f"vehicle.{unsaid[0]}", "missing", "the stiffness of both axles, or of neither")
-            vehicle = _build(cls, "vehicle", {**dict.fromkeys(unsaid, 1.0), **data})
-            if unsaid:
-                vehicle = vehicle.on_tyres(vehicle.tyre)
-        except InputError as error:
-            raise InputError(f"{path}: {error.where}", error.problem, error.allowed) from error
-        return vehicle.with_(**overrides) if overrides else vehicle
+        return _vehicle(cls, read_tables(path), str(path), Path(path).parent).with_(**overrides)
 
     def with_(self, **overrides: Any) -> "VehicleParameters":
         """A copy with some fields replaced.
@@ -215,7 +156,7 @@ class VehicleParameters:
             InputError: No such field, or a value out of range.
         """
         for key in overrides:
-            _require_known(type(self), "vehicle", key)
+            require_known(type(self), "vehicle", key)
         changed = replace(self, **overrides)
         if not overrides.keys() & {"mass", "l_f", "l_r", "tyre"}:
             return changed
@@ -238,54 +179,73 @@ def require_one_stiffness(table: dict[str, Any]) -> None:
     Raises:
         InputError: With the second place.
     """
-    given = [axle for axle in AXLES if f"cornering_stiffness_{axle}" in table]
+    given = [name for name in STIFFNESSES if name in table]
     tyre = table.get("tyre")
     second = "tyre_file" if table.get("tyre_file") else "tyre.p_ky1" if isinstance(tyre, dict) and "p_ky1" in tyre else ""
     if given and second:
         raise InputError(
-            f"vehicle.{second}", f"says how stiff the tyres are, and so does cornering_stiffness_{given[0]}", "one of them"
+            f"vehicle.{second}", f"says how stiff the tyres are, and so does {given[0]}", "one of them"
         )  # fmt: skip
 
 
 def vehicle_presets() -> tuple[str, ...]:
-    """Names of the built-in cars."""
+    """Names of the cars that come as files of their own; `library.library_cars` has those of the table."""
     return tuple(sorted(file.stem for file in _PRESETS.glob("*.toml")))
+
+
+def vehicle_sources(name: str) -> dict[str, str]:
+    """Where the numbers of a preset are from, by field; "default" stands for all others.
+
+    What begins with "estimated" is no published number of this car.
+    """
+    tables = library_car(name) if name in library_cars() else read_tables(_PRESETS / f"{name}.toml")
+    return tables["source"]
+
+
+def read_tables(path: str | Path) -> dict[str, Any]:
+    """The tables of a vehicle file.
+
+    Raises:
+        InputError: It cannot be read.
+    """
+    try:
+        data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(str(path), str(error)) from error
+    return {"name": Path(path).stem, **data}
+
+
+def _vehicle(cls: type[VehicleParameters], tables: dict[str, Any], label: str, folder: Path) -> VehicleParameters:
+    """The vehicle of a file's tables; files that they name are seen from `folder`."""
+    data = dict(tables)
+    try:
+        _check_sources(data.pop("source", {}))
+        require_one_stiffness(data)
+        data["tyre"] = _tyre(data, folder)
+        if "suspension" in data:
+            data["suspension"] = built(SuspensionParameters, "vehicle.suspension", data["suspension"])
+        unsaid = [name for name in STIFFNESSES if name not in data]
+        if len(unsaid) == 1:
+            raise InputError(f"vehicle.{unsaid[0]}", "missing", "the stiffness of both axles, or of neither")
+        vehicle = built(cls, "vehicle", {**dict.fromkeys(unsaid, 1.0), **data})
+    except InputError as error:
+        raise InputError(f"{label}: {error.where}", error.problem, error.allowed) from error
+    return vehicle.on_tyres(vehicle.tyre) if unsaid else vehicle
+
+
+def _check_sources(table: Any) -> None:
+    if not isinstance(table, dict):
+        raise InputError("vehicle.source", f"{table!r} is not a table")
+    for key, value in table.items():
+        place, _, name = key.rpartition(".")
+        if key != "default":
+            cls = {"tyre": TyreParameters, "suspension": SuspensionParameters}.get(place, VehicleParameters)
+            require_known(cls, "vehicle.source", name)
+        if not isinstance(value, str):
+            raise InputError(f"vehicle.source.{key}", f"{value!r} is not text")
 
 
 def _tyre(data: dict[str, Any], folder: Path) -> TyreParameters:
     file, table = data.pop("tyre_file", ""), data.get("tyre", {})
-    tyre = _build(TyreParameters, "vehicle.tyre", table)
+    tyre = built(TyreParameters, "vehicle.tyre", table)
     return replace(read_tyre(folder / str(file)), **table) if file else tyre
-
-
-def _build(cls: type, where: str, data: Any) -> Any:
-    if not isinstance(data, dict):
-        raise InputError(where, f"{data!r} is not a table", ", ".join(f.name for f in fields(cls)))
-    for key in data:
-        _require_known(cls, where, key)
-    missing = [f.name for f in fields(cls) if f.name not in data and _is_required(f)]
-    if missing:
-        raise InputError(where, f"missing {', '.join(missing)}")
-    return cls(**data)
-
-
-def _is_required(f: Any) -> bool:
-    return f.default is MISSING and f.default_factory is MISSING
-
-
-def _require_known(cls: type, where: str, key: str) -> None:
-    names = [f.name for f in fields(cls)]
-    if key not in names:
-        raise InputError(f"{where}.{key}", "unknown key", ", ".join(names))
-
-
-def _require_positive(record: Any, or_zero: tuple[str, ...]) -> None:
-    table = "vehicle" if isinstance(record, VehicleParameters) else "vehicle.suspension"
-    for f in fields(record):
-        if f.name in ("name", "tyre", "suspension"):
-            continue
-        value, allowed = getattr(record, f.name), ">= 0" if f.name in or_zero else "> 0"
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InputError(f"{table}.{f.name}", f"{value!r} is not a number", f"a number {allowed}")
-        if not math.isfinite(value) or value < 0.0 or (value == 0.0 and f.name not in or_zero):
-            raise InputError(f"{table}.{f.name}", f"{value}", allowed)

@@ -94,7 +94,7 @@ def test_tyre_and_suspension_may_be_left_out(tmp_path):
 
 def test_stiffness_comes_from_one_place(tmp_path):
     text = BMW_FILE.read_text(encoding="utf-8")
-    lines = {line.partition(" ")[0]: line + "\n" for line in text.splitlines() if line.startswith("cornering")}
+    lines = {line.partition(" ")[0]: line + "\n" for line in text.splitlines()[:20] if line[:4] == "corn"}
     file = tmp_path / "car.toml"
 
     def read(text):

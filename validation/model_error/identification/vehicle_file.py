@@ -29,4 +29,5 @@ def vehicle_toml(vehicle: VehicleParameters, comment: str = "") -> str:
 
 
 def _rows(table: dict[str, Any]) -> list[str]:
-    return [f"{key} = {json.dumps(value) if isinstance(value, str) else repr(value)}" for key, value in table.items()]
+    known = {key: value for key, value in table.items() if value is not None}
+    return [f"{key} = {json.dumps(value) if isinstance(value, str) else repr(value)}" for key, value in known.items()]
