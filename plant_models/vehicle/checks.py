@@ -1,6 +1,5 @@
-"""What every record of a vehicle checks: its keys and its numbers; errors name table and key."""
+"""What every record of a vehicle checks: its keys; errors name table and key."""
 
-import math
 from dataclasses import MISSING, fields
 from typing import Any
 
@@ -35,28 +34,6 @@ def require_known(cls: type, where: str, key: str) -> None:
     names = [f.name for f in fields(cls)]
     if key not in names:
         raise InputError(f"{where}.{key}", "unknown key", ", ".join(names))
-
-
-def require_positive(record: Any, where: str, or_zero: tuple[str, ...] = (), without: tuple[str, ...] = ()) -> None:
-    """Refuse fields that are no finite numbers above zero; None is one that is not known.
-
-    Args:
-        record: A dataclass.
-        where: Its table.
-        or_zero: Fields that may be zero.
-        without: Fields that are no numbers.
-
-    Raises:
-        InputError: With table and key.
-    """
-    for f in fields(record):
-        value, allowed = getattr(record, f.name), ">= 0" if f.name in or_zero else "> 0"
-        if f.name in without or (value is None and f.default is None):
-            continue
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InputError(f"{where}.{f.name}", f"{value!r} is not a number", f"a number {allowed}")
-        if not math.isfinite(value) or value < 0.0 or (value == 0.0 and f.name not in or_zero):
-            raise InputError(f"{where}.{f.name}", f"{value}", allowed)
 
 
 def _is_required(f: Any) -> bool:

@@ -1,17 +1,17 @@
 """Vehicle data: one frozen record per car, presets as TOML files beside this module."""
 
 import difflib
-import math
 import tomllib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.ranges import Range, check
 from sidestep.plant_models.tyres.formula import cornering_stiffness
 from sidestep.plant_models.tyres.parameters import TyreParameters
 from sidestep.plant_models.tyres.property_file import read_tyre
-from sidestep.plant_models.vehicle.checks import GRAVITY, built, require_known, require_positive
+from sidestep.plant_models.vehicle.checks import GRAVITY, built, require_known
 from sidestep.plant_models.vehicle.library import library_car, library_cars
 from sidestep.plant_models.vehicle.suspension import SuspensionParameters
 
@@ -45,31 +45,27 @@ class VehicleParameters:
     """
 
     name: str
-    mass: float
-    yaw_inertia: float
-    l_f: float
-    l_r: float
-    cornering_stiffness_front: float
-    cornering_stiffness_rear: float
-    width: float
-    length: float
-    front_overhang: float
-    cg_height: float
-    steer_limit: float
-    steer_rate_limit: float
-    steer_time_constant: float = 0.05
-    max_braking: float = 8.0
-    max_acceleration: float = 3.0
+    mass: Annotated[float, Range(0.1, 1e6, "kg")]
+    yaw_inertia: Annotated[float, Range(1e-4, 1e8, "kg m²")]
+    l_f: Annotated[float, Range(0.05, 50.0, "m")]
+    l_r: Annotated[float, Range(0.05, 50.0, "m")]
+    cornering_stiffness_front: Annotated[float, Range(1.0, 1e8, "N/rad")]
+    cornering_stiffness_rear: Annotated[float, Range(1.0, 1e8, "N/rad")]
+    width: Annotated[float, Range(0.05, 20.0, "m")]
+    length: Annotated[float, Range(0.1, 100.0, "m")]
+    front_overhang: Annotated[float, Range(0.001, 50.0, "m")]
+    cg_height: Annotated[float, Range(0.001, 10.0, "m")]
+    steer_limit: Annotated[float, Range(0.001, 1.57, "rad")]
+    steer_rate_limit: Annotated[float, Range(0.001, 100.0, "rad/s")]
+    steer_time_constant: Annotated[float, Range(0.0, 0.99, "s")] = 0.05
+    max_braking: Annotated[float, Range(0.01, 100.0, "m/s²")] = 8.0
+    max_acceleration: Annotated[float, Range(0.01, 100.0, "m/s²")] = 3.0
     tyre: TyreParameters = field(default_factory=TyreParameters)
     suspension: SuspensionParameters | None = None
-    steering_ratio: float | None = None
+    steering_ratio: Annotated[float, Range(1.0, 100.0)] | None = None
 
     def __post_init__(self) -> None:
-        require_positive(self, "vehicle", ("steer_time_constant",), without=("name", "tyre", "suspension"))
-        if self.steer_time_constant >= 1.0:
-            raise InputError("vehicle.steer_time_constant", f"{self.steer_time_constant} s", "0 <= value < 1")
-        if self.steer_limit >= math.pi / 2:
-            raise InputError("vehicle.steer_limit", f"{self.steer_limit} rad", "0 < value < pi/2")
+        check(self, "vehicle")
         if self.rear_overhang < 0.0:
             raise InputError(
                 "vehicle.length", f"{self.length} m is shorter than wheelbase and front overhang",

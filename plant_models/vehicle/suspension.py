@@ -1,11 +1,9 @@
 """Chassis data of multibody plants: springs, dampers, tracks and what hangs on them."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from sidestep.plant_models.errors import InputError
-from sidestep.plant_models.vehicle.checks import require_positive
-
-_OR_ZERO = ("anti_roll_front", "anti_roll_rear", "steer_delay", "roll_centre_front", "roll_centre_rear")
+from sidestep.plant_models.ranges import Range, check
 
 
 @dataclass(frozen=True)
@@ -27,29 +25,27 @@ class SuspensionParameters:
             suspension passes the tyres' lateral forces to the body. 0 leaves all of them to springs and dampers.
     """
 
-    unsprung_mass_front: float
-    unsprung_mass_rear: float
-    roll_inertia: float
-    pitch_inertia: float
-    spring_front: float
-    spring_rear: float
-    damper_front: float
-    damper_rear: float
-    anti_roll_front: float
-    anti_roll_rear: float
-    track_front: float
-    track_rear: float
-    tyre_stiffness: float
-    wheel_radius: float
-    wheel_spin_inertia: float
-    steer_delay: float = 0.0
-    roll_centre_front: float = 0.0
-    roll_centre_rear: float = 0.0
+    unsprung_mass_front: Annotated[float, Range(0.01, 1e5, "kg")]
+    unsprung_mass_rear: Annotated[float, Range(0.01, 1e5, "kg")]
+    roll_inertia: Annotated[float, Range(1e-4, 1e8, "kg m²")]
+    pitch_inertia: Annotated[float, Range(1e-4, 1e8, "kg m²")]
+    spring_front: Annotated[float, Range(1.0, 1e9, "N/m")]
+    spring_rear: Annotated[float, Range(1.0, 1e9, "N/m")]
+    damper_front: Annotated[float, Range(0.01, 1e8, "N s/m")]
+    damper_rear: Annotated[float, Range(0.01, 1e8, "N s/m")]
+    anti_roll_front: Annotated[float, Range(0.0, 1e9, "N m/rad")]
+    anti_roll_rear: Annotated[float, Range(0.0, 1e9, "N m/rad")]
+    track_front: Annotated[float, Range(0.05, 20.0, "m")]
+    track_rear: Annotated[float, Range(0.05, 20.0, "m")]
+    tyre_stiffness: Annotated[float, Range(1.0, 1e9, "N/m")]
+    wheel_radius: Annotated[float, Range(0.01, 5.0, "m")]
+    wheel_spin_inertia: Annotated[float, Range(1e-6, 1e4, "kg m²")]
+    steer_delay: Annotated[float, Range(0.0, 0.99, "s")] = 0.0
+    roll_centre_front: Annotated[float, Range(0.0, 5.0, "m")] = 0.0
+    roll_centre_rear: Annotated[float, Range(0.0, 5.0, "m")] = 0.0
 
     def __post_init__(self) -> None:
-        require_positive(self, "vehicle.suspension", _OR_ZERO)
-        if self.steer_delay >= 1.0:
-            raise InputError("vehicle.suspension.steer_delay", f"{self.steer_delay} s", "0 <= value < 1")
+        check(self, "vehicle.suspension")
 
     def roll_of_axle(self, axle: str) -> tuple[float, float]:
         """Roll stiffness [N m/rad] of springs and anti-roll bar, and roll damping [N m s/rad], of "front" or "rear"."""
