@@ -58,8 +58,8 @@ class VehicleParameters:
     steer_limit: Annotated[float, Range(0.001, 1.57, "rad")]
     steer_rate_limit: Annotated[float, Range(0.001, 100.0, "rad/s")]
     steer_time_constant: Annotated[float, Range(0.0, 0.99, "s")] = 0.05
-    max_braking: Annotated[float, Range(0.01, 100.0, "m/s²")] = 8.0
-    max_acceleration: Annotated[float, Range(0.01, 100.0, "m/s²")] = 3.0
+    max_braking: Annotated[float, Range(1e-6, 100.0, "m/s²")] = 8.0
+    max_acceleration: Annotated[float, Range(1e-6, 100.0, "m/s²")] = 3.0
     tyre: TyreParameters = field(default_factory=TyreParameters)
     suspension: SuspensionParameters | None = None
     steering_ratio: Annotated[float, Range(1.0, 100.0)] | None = None

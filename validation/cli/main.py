@@ -24,6 +24,7 @@ from sidestep.validation.cli.compare import add_compare, add_golden
 from sidestep.validation.cli.fmu import add_fmu
 from sidestep.validation.cli.limits import add_limits
 from sidestep.validation.cli.validate import add_validate
+from sidestep.validation.cli.vehicles import add_vehicles
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
@@ -77,7 +78,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=version("sidestep"))
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    own = (_add_demo, _add_run, _add_scenarios, add_validate, add_campaign, _add_bench)
+    own = (_add_demo, _add_run, _add_scenarios, add_vehicles, add_validate, add_campaign, _add_bench)
     for add in (*own, add_compare, add_golden, add_limits, add_fmu, add_can):
         add(commands)
     return parser

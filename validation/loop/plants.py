@@ -17,6 +17,8 @@ from sidestep.validation.scenarios.tables import did_you_mean, file_at
 
 PLANT_KINDS = ("linear", "single-track", "double-track", "mujoco")
 """Plants that come with the package; the path of an .fmu file is one more."""
+ROLLING = ("mujoco", "double-track")
+"""Those with springs."""
 
 
 def open_plant(scenario: Scenario) -> Plant:
@@ -74,17 +76,22 @@ def true_vehicle(scenario: Scenario) -> VehicleParameters:
     Inertias follow the mass, as of a load that is spread like the car; a stiffer tyre peaks as high, and earlier.
 
     Raises:
-        InputError: An FMU from outside, whose numbers are its own, or a mass that the car cannot have.
+        InputError: An FMU from outside, whose numbers are its own, a mass that the car cannot have, or roll centres
+            of a car that does not roll.
     """
     vehicle, mass, stiffness = scenario.vehicle, scenario.plant.mass, scenario.plant.stiffness
-    if mass == stiffness == 1.0:
+    raised, kind, chassis = scenario.plant.roll_centre, scenario.plant.kind, vehicle.suspension
+    if mass == stiffness == 1.0 and raised == 0.0:
         return vehicle
-    if scenario.plant.kind.endswith(".fmu"):
-        raise InputError("plant.mass, plant.stiffness", "an FMU has its own", f"1.0, or {', '.join(PLANT_KINDS)}")
-    chassis = vehicle.suspension
+    if kind.endswith(".fmu"):
+        allowed = f"their defaults, or {', '.join(PLANT_KINDS)}"
+        raise InputError("plant.mass, plant.stiffness, plant.roll_centre", "an FMU has its own", allowed)
+    if raised and (kind not in ROLLING or not chassis):
+        raise InputError("plant.roll_centre", f"{raised} m: {kind} does not roll", f"0, or {', '.join(ROLLING)}")
     if chassis:
         chassis = replace(
-            chassis, roll_inertia=mass * chassis.roll_inertia, pitch_inertia=mass * chassis.pitch_inertia
+            chassis, roll_inertia=mass * chassis.roll_inertia, pitch_inertia=mass * chassis.pitch_inertia,
+            roll_centre_front=chassis.roll_centre_front + raised, roll_centre_rear=chassis.roll_centre_rear + raised,
         )  # fmt: skip
     try:
         return vehicle.with_(

@@ -26,6 +26,7 @@ class PlantSettings:
         steer_offset: Added to every commanded road-wheel angle, in [rad]: a misaligned steering, which the
             reported angle does not show.
         mass, stiffness: Of the plant's car and of its tyres, as factors on what the controller knows.
+        roll_centre: By which the roll centres of the plant's car lie above those that the controller knows, in [m].
         delay: Until a command reaches the steering and the drive, in [s].
         noise: Of the state that the controller gets, in multiples of `measurement.NOISE`; the judge sees the true one.
         noise_seed: Of that noise.
@@ -44,6 +45,7 @@ class PlantSettings:
     steer_offset: Annotated[float, Range(-1.0, 1.0, "rad")] = 0.0
     mass: Factor = 1.0
     stiffness: Factor = 1.0
+    roll_centre: Annotated[float, Range(0.0, 1.0, "m")] = 0.0
     delay: Annotated[float, Range(0.0, 5.0, "s")] = 0.0
     noise: Annotated[float, Range(0.0, 1e3)] = 0.0
     noise_seed: Annotated[int, Range(0, 2**63 - 1)] = 0

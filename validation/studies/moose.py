@@ -24,7 +24,7 @@ from sidestep.validation.files import made
 from sidestep.validation.judge.verdict import judge
 from sidestep.validation.loop.cosimulation import cosimulate
 from sidestep.validation.loop.delay_line import DelayLine
-from sidestep.validation.loop.plants import open_plant
+from sidestep.validation.loop.plants import ROLLING, open_plant
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario
 from sidestep.validation.studies.limits import Outcome, in_parallel, kept_rows, new_table, show, write_outcome
 
@@ -67,8 +67,6 @@ CASES = (
     Case("linear tyres predicted", ("controller.tyre_model=linear",)),
     Case("paper", ("controller.preset=paper",)),
 )
-ROLLING = ("mujoco", "double-track")
-"""Plants with springs, of which the controller is told."""
 OFFSET_CASES = (Case("observed"), Case("not observed", ("controller.reject_disturbance=false",)))
 
 
