@@ -1,7 +1,7 @@
 """Tyre law: Magic Formula 6.1, pure and combined slip, load, camber, aligning moment, road friction.
 
 After Pacejka, Tire and Vehicle Dynamics, 3rd ed., section 4.3.2, with the camber terms of the moment as in
-the TNO files, without turn slip and inflation pressure. Forces act on the car, axes after ISO 8855 in the
+the TNO files and the camber shift of MF-Tyre 5.2, without turn slip. Forces act on the car, axes after ISO 8855 in the
 wheel's plane on the road. A positive slip angle gives a positive lateral force, so that the slope at the
 origin is the cornering stiffness.
 """
@@ -131,7 +131,7 @@ def _pure_lateral(alpha, lean, load, dfz, t, scale):
     stiffness = scale * _stiffness(load, lean, t)
     rise = load * (t["p_vy3"] + t["p_vy4"] * dfz) * lean
     thrust = load * (t["p_ky6"] + t["p_ky7"] * dfz) * lean
-    shift = t["p_hy1"] + t["p_hy2"] * dfz + (thrust - rise) / stiffness
+    shift = t["p_hy1"] + t["p_hy2"] * dfz + t["p_hy3"] * lean + (thrust - rise) / stiffness
     lift = load * (t["p_vy1"] + t["p_vy2"] * dfz) + rise
     slip = alpha + shift
     curvature = t["p_ey1"] + t["p_ey2"] * dfz

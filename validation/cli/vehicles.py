@@ -3,8 +3,11 @@
 import argparse
 import math
 from dataclasses import fields
+from pathlib import Path
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.tyres.formula import cornering_stiffness
+from sidestep.plant_models.tyres.property_file import read_tyre_file
 from sidestep.plant_models.vehicle.checks import GRAVITY
 from sidestep.plant_models.vehicle.library import library, library_cars
 from sidestep.plant_models.vehicle.parameters import VehicleParameters, vehicle_presets, vehicle_sources
@@ -20,6 +23,9 @@ def add_vehicles(commands: argparse._SubParsersAction) -> None:
     vehicles = commands.add_parser("vehicles", help=text, description=f"{text}. {ESTIMATED} marks what is estimated.")
     vehicles.add_argument("cars", nargs="*", metavar="CAR", help="one: every number and its source; more: side by side")
     vehicles.add_argument("--find", metavar="TEXT", help="list only cars whose name contains it")
+    vehicles.add_argument(
+        "--tyre", type=Path, metavar="FILE.tir", help="a tyre property file as it is read, and what of it is not used"
+    )
     vehicles.set_defaults(command=_vehicles)
 
 
@@ -38,6 +44,10 @@ def characteristic_speed(car: VehicleParameters) -> float:
 def _vehicles(options: argparse.Namespace) -> int:
     from sidestep.validation.cli.arguments import refuse_beside
 
+    if options.tyre:
+        refuse_beside("--tyre", {"CAR": options.cars, "--find": options.find})
+        _show_tyre(options.tyre)
+        return 0
     if options.cars:
         refuse_beside("CAR", {"--find": options.find})
         for name in options.cars:
@@ -81,6 +91,25 @@ def _show(name: str) -> None:
     print(f"  {'understeer gradient [deg/g]':34}{understeer(car):14.2f}  from loads and cornering stiffnesses")
     kind = "critical" if understeer(car) < 0.0 else "characteristic"
     print(f"  {f'{kind} speed [m/s]':34}{characteristic_speed(car):14.1f}  the same")
+
+
+def _show_tyre(path: Path) -> None:
+    read = read_tyre_file(path)
+    tyre, load = read.tyre, read.tyre.nominal_load
+    stiffness = float(cornering_stiffness(load, tyre.as_array()))
+    print(f"{path}: Magic Formula {read.law}")
+    for name, value in (
+        ("nominal load [N]", load),
+        ("cornering stiffness there [N/rad]", stiffness),
+        ("peak friction there, lateral", tyre.p_dy1),
+        ("peak friction there, longitudinal", tyre.p_dx1),
+        ("relaxation length, lateral [m]", tyre.relaxation_y),
+        ("relaxation length, longitudinal [m]", tyre.relaxation_x),
+    ):
+        print(f"  {name:36}{value:12.5g}")
+    if read.filled:
+        print(f"filled in: {read.filled}")
+    print(f"not used: {', '.join(read.unused) or 'nothing'}")
 
 
 def _compare(names: list[str]) -> None:

@@ -66,3 +66,15 @@ def test_understeer_and_characteristic_speed_are_those_of_the_bicycle():
 def test_a_car_of_the_library_is_a_preset_of_scenarios():
     scenario = load_scenario("moose", ["vehicle.preset=mazda-cx-5-2017", "vehicle.mass=1800"])
     assert (scenario.vehicle.name, scenario.vehicle.mass) == ("mazda-cx-5-2017", 1800.0)
+
+
+def test_a_tyre_file_is_shown_with_what_is_not_used(tmp_path, capsys):
+    file = tmp_path / "tyre.tir"
+    numbers = "UNLOADED_RADIUS=0.3\nFNOMIN=4000\nPCY1=1.3\nPDY1=0.9\nPKY1=-20\nPKY2=1.6\nQSX1=0.1\n"
+    file.write_text(f"[MODEL]\nFITTYP = 6\n[LATERAL_COEFFICIENTS]\n{numbers}", encoding="utf-8")
+    rows = lines(capsys, "--tyre", str(file))
+    assert rows[0] == f"{file}: Magic Formula 5.2"
+    assert rows[-2:] == ["filled in: longitudinal slip: the file has none, the default tyre's", "not used: QSX1"]
+    assert [row.split()[-1] for row in rows if row.startswith("  cornering")] == ["71910"]
+    assert main(["vehicles", "--tyre", str(file), "bmw-320i"]) == 2
+    assert main(["vehicles", "--tyre", str(tmp_path / "none.tir")]) == 2
