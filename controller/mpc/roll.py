@@ -2,7 +2,8 @@
 
 The springs let the body lean out of a turn, about the axis through the roll centres of both axles: the wheels then
 move sideways under the centre of gravity, which changes every slip angle, and load goes to the outer wheels, which
-costs force. What goes through the roll centres needs no lean. Roll is no state of the prediction: it follows, as a linear oscillator, from the lateral acceleration of the last plan.
+costs force. What goes through the roll centres needs no lean. Roll is no state of the prediction: it follows, as a
+linear oscillator, from the lateral acceleration of the last plan.
 """
 
 import math

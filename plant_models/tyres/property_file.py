@@ -218,10 +218,14 @@ def _relaxation(numbers: dict[str, float], entries: _Entries, law: str) -> dict[
 
 def _unused(entries: _Entries, law: str, filled: bool) -> tuple[str, ...]:
     """Keys that had no part in the result, without those of the head and the model, which are words and switches."""
-    names = [name for name in _KEYS if not (law == "5.2" and name in _ONLY_6) and not (law == "6.1" and name == "p_hy3")]
+    names = [
+        name for name in _KEYS if not (law == "5.2" and name in _ONLY_6) and not (law == "6.1" and name == "p_hy3")
+    ]
     used = {_KEYS[name] for name in names} | {*_TOLD[law], *_SWITCHES}
     if filled:
-        used -= {_KEYS[name] for name in names if name[:3] in ("p_c", "p_d", "p_e", "p_k", "p_h", "p_v") and name[3] == "x"}
+        used -= {
+            _KEYS[name] for name in names if name[:3] in ("p_c", "p_d", "p_e", "p_k", "p_h", "p_v") and name[3] == "x"
+        }
         used -= {_KEYS[name] for name in names if name.startswith("r_")}
     if "INFLPRES" in entries and "NOMPRES" in entries:
         used |= _INFLUENCES

@@ -28,7 +28,9 @@ FACTORS: dict[str, dict[str, int]] = {
     "LKYC": {"p_ky6": 1, "p_ky7": 1, "p_vy3": 1, "p_vy4": 1},
     "LTR": {"q_dz1": 1, "q_dz2": 1},
     "LRES": {"q_dz6": 1, "q_dz7": 1},
-    "LGAZ": {"q_bz4": 1, "q_bz5": 1, "q_dz3": 1, "q_dz4": 2, "q_dz8": 1, "q_dz9": 1, "q_ez5": 1, "q_hz3": 1, "q_hz4": 1},
+    "LGAZ": {
+        "q_bz4": 1, "q_bz5": 1, "q_dz3": 1, "q_dz4": 2, "q_dz8": 1, "q_dz9": 1, "q_ez5": 1, "q_hz3": 1, "q_hz4": 1,
+    },
     "LKZC": {"q_dz8": 1, "q_dz9": 1},
     "LXAL": {"r_bx1": 1, "r_bx3": 1},
     "LYKA": {"r_by1": 1, "r_by4": 1},

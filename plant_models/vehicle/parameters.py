@@ -177,7 +177,9 @@ def require_one_stiffness(table: dict[str, Any]) -> None:
     """
     given = [name for name in STIFFNESSES if name in table]
     tyre = table.get("tyre")
-    second = "tyre_file" if table.get("tyre_file") else "tyre.p_ky1" if isinstance(tyre, dict) and "p_ky1" in tyre else ""
+    second = (
+        "tyre_file" if table.get("tyre_file") else "tyre.p_ky1" if isinstance(tyre, dict) and "p_ky1" in tyre else ""
+    )
     if given and second:
         raise InputError(
             f"vehicle.{second}", f"says how stiff the tyres are, and so does {given[0]}", "one of them"

@@ -97,7 +97,9 @@ def _add_run(commands: argparse._SubParsersAction) -> None:
         "scenario", nargs="?", metavar="SCENARIO", help="a name that `sidestep scenarios` lists, or a TOML file"
     )
     what.add_argument("--from", dest="row", metavar="FILE.jsonl:ROW", help="a row of a campaign, exactly as it was")
-    run.add_argument("--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, or an .fmu file")
+    run.add_argument(
+        "--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, an .fmu file, or MODULE:FACTORY"
+    )
     run.add_argument("--map", type=Path, metavar="MAP.toml", help="mapping file of an FMU that is not ours")
     run.add_argument(
         "--isolate", type=positive_number, nargs="?", const=5.0, metavar="SECONDS",

@@ -1,4 +1,4 @@
-"""`sidestep vehicles`: the cars that come with the package, what is known of each, and two or more beside each other."""
+"""`sidestep vehicles`: the cars that come with the package, what is known of each, and several side by side."""
 
 import argparse
 import math
@@ -36,7 +36,7 @@ def understeer(car: VehicleParameters) -> float:
 
 
 def characteristic_speed(car: VehicleParameters) -> float:
-    """Speed of the largest yaw gain of an understeering car, critical speed of another, in [m/s]; infinite if neutral."""
+    """Speed of the largest yaw gain if the car understeers, critical speed if not, in [m/s]; infinite if neutral."""
     gradient = math.radians(abs(understeer(car))) / GRAVITY
     return math.sqrt(car.wheelbase / gradient) if gradient else math.inf
 

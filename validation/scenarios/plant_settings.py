@@ -16,7 +16,8 @@ class PlantSettings:
     """The table `plant` of a scenario file.
 
     Attributes:
-        kind: linear, single-track, double-track, mujoco, or an .fmu file, found from the scenario file's folder.
+        kind: linear, single-track, double-track, mujoco, an .fmu file, found from the scenario file's folder,
+            `package.module:factory`, or the name that an installed package gives its plant.
         friction: Road friction as a factor on the tyres' peak; of an .fmu file its parameter `friction`.
         tyre: What shears the tyres of MuJoCo's car, see `MujocoPlant`.
         grade, bank: Rise of its road per metre along x and along y.
@@ -54,8 +55,8 @@ class PlantSettings:
 
     @property
     def name(self) -> str:
-        """For tables and file names: the kind, or the file's name without folder and ending."""
-        return Path(self.kind).stem
+        """For tables and file names: the kind, the file's name without folder and ending, or the factory's."""
+        return self.kind.rpartition(":")[2] if ":" in self.kind else Path(self.kind).stem
 
     @property
     def surface(self) -> Surface:

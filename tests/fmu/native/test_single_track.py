@@ -109,7 +109,8 @@ def core(tmp_path_factory):
         if name.endswith(".h"):
             (folder / name).write_bytes(data)
     law = (
-        '\n__attribute__((visibility("default"))) double law(double a, double f, double side, double scale, const double v[])'
+        '\n__attribute__((visibility("default")))'
+        " double law(double a, double f, double side, double scale, const double v[])"
         "{ return lateral(a, f, side, scale, v).force; }\n"
     )
     (folder / "core.c").write_bytes(source_files(MODEL)["tyre.c"] + law.encode())

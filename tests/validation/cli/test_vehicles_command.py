@@ -25,7 +25,10 @@ def test_the_list_has_every_car_and_marks_estimates(capsys):
     assert bmw[1:] == ["1093", "2.58", "1.38", "-", "130", "105", "0.00"]
     civic = next(row.split() for row in rows if row.startswith("honda-civic-2016"))
     assert civic[1:] == ["1326", "2.70", "1.55", "15.4", "~192", "~202", "~0.86", "2016-2018"]
-    assert [row.split()[0] for row in lines(capsys, "--find", "Prius")[1:-1]] == ["toyota-prius-2017", "toyota-prius-v-2017"]
+    assert [row.split()[0] for row in lines(capsys, "--find", "Prius")[1:-1]] == [
+        "toyota-prius-2017",
+        "toyota-prius-v-2017",
+    ]
 
 
 def test_one_car_is_shown_with_the_source_of_every_number(capsys):
