@@ -134,9 +134,21 @@ def test_a_bad_factory_is_one_line(module, name, setting, problem, kind, capsys)
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_a_package_gives_its_plant_a_name(module, monkeypatch):
-    monkeypatch.setattr(plant_factory, "installed_plants", lambda: {"shop-car": f"{module}:Shop.car"})
-    monkeypatch.setattr(plants, "installed_plants", lambda: {"shop-car": f"{module}:Shop.car"})
+@pytest.fixture
+def package(module, tmp_path):
+    """As pip installs it: metadata beside the module."""
+    folder = tmp_path / "strangers_cars-1.0.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: strangers-cars\nVersion: 1.0\n", encoding="utf-8")
+    points = f"[{plant_factory.GROUP}]\nshop-car = {module}:Shop.car\n"
+    (folder / "entry_points.txt").write_text(points, encoding="utf-8")
+    sys.path.append(str(tmp_path))
+    plant_factory.installed_plants.cache_clear()
+    yield
+    plant_factory.installed_plants.cache_clear()
+
+
+def test_a_package_gives_its_plant_a_name(package):
     with open_plant(scene("shop-car")) as plant:
         assert isinstance(plant, LinearPlant)
     with pytest.raises(InputError, match=r"unknown plant 'shop-cat', did you mean shop-car\?"):
