@@ -31,7 +31,7 @@ def settings_of(vehicle: VehicleParameters, c: ControllerConfig) -> NDArray[np.v
         InputError: The car cannot roll, the validity file cannot be used, or the period asks for too many nodes.
     """
     car = Car.of(vehicle, c.tyre_model == "affine", c.friction, Body.of(vehicle) if c.body_roll else None)
-    peaks = peak_slip(car.load_f, car), peak_slip(car.load_r, car)
+    peaks = peak_slip(car.stiffness_f, car.load_f, car), peak_slip(car.stiffness_r, car.load_r, car)
     return filled(SETTINGS, {
         "car": _fields(car), "planner": PlannerSettings.of(vehicle, c)._asdict(), "grid": _grid(vehicle, c),
         "weights": {

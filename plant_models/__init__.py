@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from sidestep.plant_models.road.reference_path import Arc, Clothoid, Line, ReferencePath
     from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
     from sidestep.plant_models.tyres.parameters import TyreParameters
-    from sidestep.plant_models.vehicle.parameters import SuspensionParameters, VehicleParameters, vehicle_presets
+    from sidestep.plant_models.vehicle.parameters import VehicleParameters, vehicle_presets
+    from sidestep.plant_models.vehicle.suspension import SuspensionParameters
 
 __all__ = [
     "Arc",
@@ -51,6 +52,7 @@ __getattr__ = lazy(
         "road.reference_path": ("Arc", "Clothoid", "Line", "ReferencePath"),
         "signals": ("Status", "SteeringCommand", "VehicleState"),
         "tyres.parameters": ("TyreParameters",),
-        "vehicle.parameters": ("SuspensionParameters", "VehicleParameters", "vehicle_presets"),
+        "vehicle.parameters": ("VehicleParameters", "vehicle_presets"),
+        "vehicle.suspension": ("SuspensionParameters",),
     },
 )

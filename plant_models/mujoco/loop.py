@@ -106,18 +106,24 @@ def observe(cars, states, qpos, qvel):
     w, x, y, z = qpos[3], qpos[4], qpos[5], qpos[6]
     row_x = (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y))
     row_y = (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x))
-    height = climb = 0.0  # of the centre of gravity in the chassis frame, by suspension travel
+    height = climb = aside = drift = 0.0  # of the centre of gravity in the chassis frame, by suspension travel
     for i in range(4):
-        height += car["unsprung"][i] * qpos[car["slide"][i, 0]] / car["mass"]
-        climb += car["unsprung"][i] * qvel[car["slide"][i, 1]] / car["mass"]
-    relative = (height * qvel[4], -height * qvel[3], climb)
+        travel = car["unsprung"][i] * qpos[car["slide"][i, 0]] / car["mass"]
+        speed = car["unsprung"][i] * qvel[car["slide"][i, 1]] / car["mass"]
+        aside, height = aside + car["slide_axis"][i, 0] * travel, height + car["slide_axis"][i, 1] * travel
+        drift, climb = drift + car["slide_axis"][i, 0] * speed, climb + car["slide_axis"][i, 1] * speed
+    relative = (
+        height * qvel[4] - aside * qvel[5],
+        drift - height * qvel[3],
+        climb + aside * qvel[3],
+    )
     v_x, v_y = qvel[0] + dot(row_x, relative), qvel[1] + dot(row_y, relative)
     yaw = math.atan2(row_y[0], row_x[0])
     cos, sin = math.cos(yaw), math.sin(yaw)
     turn_x = row_x[1] * qvel[5] - row_x[2] * qvel[4]  # rate of the chassis' x axis
     turn_y = row_y[1] * qvel[5] - row_y[2] * qvel[4]
-    planar[0] = qpos[0] + row_x[2] * height
-    planar[1] = qpos[1] + row_y[2] * height
+    planar[0] = qpos[0] + row_x[1] * aside + row_x[2] * height
+    planar[1] = qpos[1] + row_y[1] * aside + row_y[2] * height
     planar[2] += (yaw - planar[2] + math.pi) % (2.0 * math.pi) - math.pi
     planar[3], planar[4] = cos * v_x + sin * v_y, cos * v_y - sin * v_x
     planar[5] = (row_x[0] * turn_y - row_y[0] * turn_x) / (row_x[0] ** 2 + row_y[0] ** 2)

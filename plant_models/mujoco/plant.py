@@ -274,6 +274,7 @@ def _record(vehicle: VehicleParameters, model: mujoco.MjModel, friction: float) 
     places = {joint.name: (joint.qposadr[0], joint.dofadr[0]) for joint in joints}
     values = {
         "tyre": vehicle.tyre.as_array(),
+        "tyre_scale": [vehicle.tyre_scale(axle) for axle in ("front", "front", "rear", "rear")],
         "friction": friction,
         "gravity": model.opt.gravity,
         "damping_scale": damping_scale(model),
@@ -292,6 +293,7 @@ def _record(vehicle: VehicleParameters, model: mujoco.MjModel, friction: float) 
         "chassis": model.body("chassis").id,
         "wheel": [model.body(f"wheel_{name}").id for name in WHEELS],
         "spin": [places[f"spin_{name}"][1] for name in WHEELS],
+        "slide_axis": [corner.slide_axis for corner in corners(vehicle)],
         "slide": [places[f"suspension_{name}"] for name in WHEELS],
         "steer": [places[f"steer_{name}"] for name in WHEELS[:2]],
     }

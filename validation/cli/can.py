@@ -25,7 +25,9 @@ def add_can(commands: argparse._SubParsersAction) -> None:
     parts = can.add_subparsers(title="commands", required=True, metavar="COMMAND")
     drive = _node(parts, "drive", "the controller as a node: state in, steering out, every 10 ms", _drive)
     plant = _node(parts, "plant", "plant, steering actuator and sensors as a node", _plant)
-    plant.add_argument("--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, or an .fmu file")
+    plant.add_argument(
+        "--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, an .fmu file, or MODULE:FACTORY"
+    )
     plant.add_argument("--map", type=Path, metavar="MAP.toml", help="mapping file of an FMU that is not ours")
     plant.set_defaults(isolate=None)
     for part in (drive, plant):

@@ -24,6 +24,7 @@ from sidestep.validation.cli.compare import add_compare, add_golden
 from sidestep.validation.cli.fmu import add_fmu
 from sidestep.validation.cli.limits import add_limits
 from sidestep.validation.cli.validate import add_validate
+from sidestep.validation.cli.vehicles import add_vehicles
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
@@ -77,7 +78,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=version("sidestep"))
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    own = (_add_demo, _add_run, _add_scenarios, add_validate, add_campaign, _add_bench)
+    own = (_add_demo, _add_run, _add_scenarios, add_vehicles, add_validate, add_campaign, _add_bench)
     for add in (*own, add_compare, add_golden, add_limits, add_fmu, add_can):
         add(commands)
     return parser
@@ -96,7 +97,9 @@ def _add_run(commands: argparse._SubParsersAction) -> None:
         "scenario", nargs="?", metavar="SCENARIO", help="a name that `sidestep scenarios` lists, or a TOML file"
     )
     what.add_argument("--from", dest="row", metavar="FILE.jsonl:ROW", help="a row of a campaign, exactly as it was")
-    run.add_argument("--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, or an .fmu file")
+    run.add_argument(
+        "--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, an .fmu file, or MODULE:FACTORY"
+    )
     run.add_argument("--map", type=Path, metavar="MAP.toml", help="mapping file of an FMU that is not ours")
     run.add_argument(
         "--isolate", type=positive_number, nargs="?", const=5.0, metavar="SECONDS",

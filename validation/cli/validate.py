@@ -31,7 +31,7 @@ def add_validate(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_plant(parser: argparse.ArgumentParser, plant: str) -> None:
-    kinds = "linear, single-track, double-track, mujoco, or an .fmu file; default: %(default)s"
+    kinds = "linear, single-track, double-track, mujoco, an .fmu file, or MODULE:FACTORY; default: %(default)s"
     parser.add_argument("--plant", default=plant, metavar="PLANT", help=kinds)
     parser.add_argument("--map", type=Path, metavar="MAP.toml", help="mapping file of an FMU that is not ours")
     parser.add_argument(

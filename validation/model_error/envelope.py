@@ -120,7 +120,7 @@ def tyre_limit(vehicle: VehicleParameters, friction: float) -> float:
     """Steady lateral acceleration at which the first axle slides, in [m/s^2]."""
     car = Car.of(vehicle, affine=True, friction=friction)
     return GRAVITY * min(
-        axle_force(peak_slip(load, car), stiffness, load, car) / load
+        axle_force(peak_slip(stiffness, load, car), stiffness, load, car) / load
         for stiffness, load in ((car.stiffness_f, car.load_f), (car.stiffness_r, car.load_r))
     )
 

@@ -16,7 +16,7 @@ from sidestep.plant_models.ranges import Range
 from sidestep.plant_models.road.reference_path import Arc, Clothoid, Line, ReferencePath
 from sidestep.plant_models.signals import VehicleState
 from sidestep.plant_models.tyres.property_file import read_tyre
-from sidestep.plant_models.vehicle.parameters import VehicleParameters
+from sidestep.plant_models.vehicle.parameters import VehicleParameters, require_one_stiffness
 from sidestep.validation.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
 from sidestep.validation.scenarios.library import read_scenario
 from sidestep.validation.scenarios.plant_settings import PlantSettings, plant_settings
@@ -197,6 +197,7 @@ def _obstacle(table: Any, where: str) -> Obstacle:
 
 
 def _vehicle(table: dict[str, Any], folder: Path) -> VehicleParameters:
+    require_one_stiffness(table)
     names = {"preset": str, "file": str, "tyre_file": str}
     values = checked(VehicleParameters, table, "vehicle", partial=True, also=names)
     preset, file, tyre_file = values.pop("preset", "bmw-320i"), values.pop("file", ""), values.pop("tyre_file", "")
@@ -204,7 +205,7 @@ def _vehicle(table: dict[str, Any], folder: Path) -> VehicleParameters:
     if file:
         base = VehicleParameters.from_file(file_at(folder, file, "vehicle.file"))
     if tyre_file:
-        base = base.with_(tyre=read_tyre(file_at(folder, tyre_file, "vehicle.tyre_file")))
+        base = base.on_tyres(read_tyre(file_at(folder, tyre_file, "vehicle.tyre_file")))
     for name in ("tyre", "suspension"):
         if name in values:
             values[name] = replace(getattr(base, name), **values[name])

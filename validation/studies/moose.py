@@ -23,7 +23,7 @@ from sidestep.validation.files import made
 from sidestep.validation.judge.verdict import judge
 from sidestep.validation.loop.closed_loop import closed_loop
 from sidestep.validation.loop.delay_line import DelayLine
-from sidestep.validation.loop.plants import open_plant
+from sidestep.validation.loop.plants import ROLLING, open_plant
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario
 from sidestep.validation.studies.limits import (
     PLANT_OPTION,
@@ -75,8 +75,6 @@ CASES = (
     Case("linear tyres predicted", ("controller.tyre_model=linear",)),
     Case("paper", ("controller.preset=paper",)),
 )
-ROLLING = ("mujoco", "double-track")
-"""Plants with springs, which the controller predicts (`controller.body_roll`)."""
 OFFSET_CASES = (Case("observed"), Case("not observed", ("controller.reject_disturbance=false",)))
 
 

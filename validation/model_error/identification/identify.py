@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from sidestep.controller.mpc.car_model import Car, axle_force
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 from sidestep.validation.console import progress_bar
 from sidestep.validation.files import check_file, write_text, written_file
@@ -23,8 +22,6 @@ from sidestep.validation.model_error.identification.identification import (
 from sidestep.validation.model_error.identification.vehicle_file import vehicle_toml
 from sidestep.validation.studies.limits import new_table, show
 
-SMALL = 1e-4
-"""Slip angle at which an axle's stiffness is taken, in [rad]."""
 COMMANDS = 5
 """Of the steering per sample, so that it is smooth between samples."""
 
@@ -57,19 +54,11 @@ def identify_plant(overrides: Sequence[str], out: Path, command_line: str) -> in
     if found.problem:
         show(f"not identified: {found.problem}; nothing is written")
         return 1
-    vehicle = with_tyre(replace(found.vehicle(scenario.vehicle), name=out.stem))
+    vehicle = replace(found.vehicle(scenario.vehicle), name=out.stem)
     with written_file(out, "--out"):
         write_text(out, vehicle_toml(vehicle, f"Identified by: {command_line}\n{_summary(found)}"))
     show(f"vehicle file: {out}; use it by --set vehicle.file={out}")
     return 0
-
-
-def with_tyre(vehicle: VehicleParameters) -> VehicleParameters:
-    """The tyre's stiffness scaled so that the Magic Formula of both axles together is as stiff as the linear ones."""
-    car = Car.of(vehicle, affine=True, friction=1.0)
-    formula = sum(axle_force(SMALL, 0.0, load, car) / SMALL for load in (car.load_f, car.load_r))
-    scale = (car.stiffness_f + car.stiffness_r) / formula
-    return vehicle.with_(tyre=replace(vehicle.tyre, p_ky1=scale * vehicle.tyre.p_ky1))
 
 
 def _print(found: Identification, before: VehicleParameters) -> None:

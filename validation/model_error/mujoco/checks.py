@@ -47,7 +47,7 @@ class Check:
 def _car() -> VehicleParameters:
     """The linear model's car: without load sensitivity, so that its axle stiffness is the tyre's."""
     car = VehicleParameters.preset("bmw-320i")
-    return car.with_(tyre=car.tyre.without_load_sensitivity())
+    return car.on_tyres(car.tyre.without_load_sensitivity())
 
 
 def _drive(
