@@ -99,6 +99,8 @@ class FmuInstance:
     def start(self, time: float, values: dict[str, float]) -> None:
         """A new instance at `time` [s] with these start values; a former one is freed.
 
+        Of an FMU that says that it can be instantiated only once per process, the former one is reset instead.
+
         Raises:
             InputError: A name is not one of its variables, or a value does not fit its type.
             PlantError: The FMU refuses.
@@ -107,10 +109,11 @@ class FmuInstance:
         doubles = {name: value for name, value in values.items() if name not in others}
         port = self.port(list(doubles))
         port.values[:] = list(doubles.values())
-        self._handle = None
-        _end(self._slave)
         self._time = time
-        self._instantiate()
+        if not self._is_reset():
+            self._handle = None
+            _end(self._slave)
+            self._instantiate()
         slave = self._slave
         try:
             if isinstance(slave, FMU2Slave):
@@ -242,6 +245,16 @@ class FmuInstance:
         answers = (ctypes.c_bool(), self._ended, self._early, self._last_time)
         how = (ctypes.c_int(1),) if self.is_fmi2 else (ctypes.c_bool(True), *map(ctypes.pointer, answers))
         self._step_arguments = (self._start, self._size, *how)
+
+    def _is_reset(self) -> bool:
+        """Whether a living instance of an FMU that allows but one is as new."""
+        if not (self.is_running and self.interface.canBeInstantiatedOnlyOncePerProcess):
+            return False
+        try:
+            self._slave.reset()
+        except (FMICallException, PlantError):
+            return False
+        return True
 
     def _instantiate(self) -> None:
         messages = self._messages

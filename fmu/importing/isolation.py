@@ -51,8 +51,11 @@ class IsolatedPlant:
         """
         if not time_limit > 0.0:
             raise InputError("isolate", f"{time_limit} s", "> 0")
-        self.time_limit = time_limit
-        self._process = _Process(_serve, build)
+        self.time_limit, self._build = time_limit, build
+        self._begin()
+
+    def _begin(self) -> None:
+        self._process, self._is_used = _Process(_serve, self._build), False
         try:
             self.estimated: tuple[str, ...] = self._process.answer("the start", START_LIMIT)
         except (InputError, PlantError):
@@ -60,12 +63,20 @@ class IsolatedPlant:
             raise
 
     def reset(self, state: VehicleState) -> VehicleState:
-        """Reset the plant behind.
+        """Reset the plant behind; where a second reset fails, in a fresh process: some FMUs start once in each.
 
         Raises:
             PlantError: It does, or ends or hangs.
         """
-        return self._process.ask("reset", (state,), self.time_limit)
+        if self._is_used:
+            try:
+                return self._process.ask("reset", (state,), self.time_limit)
+            except PlantError:
+                self._process.end()
+                self._begin()
+        began = self._process.ask("reset", (state,), self.time_limit)
+        self._is_used = True
+        return began
 
     def step(self, command: SteeringCommand, dt: float) -> VehicleState:
         """Step the plant behind.
@@ -77,6 +88,7 @@ class IsolatedPlant:
 
     def close(self) -> None:
         """End the process; what it holds, it closes before."""
+        self._is_used = False
         self._process.finish(self.time_limit)
 
     def __enter__(self) -> Self:

@@ -54,6 +54,10 @@ def _add_info(commands: argparse._SubParsersAction) -> None:
 def _add_check(commands: argparse._SubParsersAction) -> None:
     check = commands.add_parser("check", help="what is wrong with an FMU: ours, fmpy's and fmutool's findings")
     check.add_argument("file", type=Path, metavar="FILE")
+    check.add_argument(
+        "--map", type=Path, metavar="MAP.toml",
+        help="also drive it by this mapping: signs, units, ratios, reference point, and the car of its [vehicle]",
+    )  # fmt: skip
     check.set_defaults(command=_check)
 
 
@@ -123,6 +127,10 @@ def _check(options: argparse.Namespace) -> int:
     if not options.file.is_file():
         raise InputError(str(options.file), "no such file", "an .fmu file")
     findings = check_fmu(options.file)
+    if options.map:
+        from sidestep.fmu.importing.driven_check import check_driven
+
+        findings += [("driven", finding) for finding in check_driven(options.file, options.map)]
     for who, what in findings:
         print(f"{who:10}{what}")
     if not findings:

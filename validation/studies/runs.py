@@ -12,6 +12,7 @@ from sidestep.validation.judge.summary import summarise
 from sidestep.validation.judge.verdict import Judgement, judge
 from sidestep.validation.loop.closed_loop import open_controller
 from sidestep.validation.loop.cosimulation import PLANT_STEP, Coupling, cosimulate
+from sidestep.validation.loop.foreign import is_foreign
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import End, Recording
 from sidestep.validation.report.film import film
@@ -77,7 +78,9 @@ def drive(
         viewer(plant, scenario, controller) if view else nullcontext() as show,
         film(plant, render, scenario, controller) if render else nullcontext() as shoot,
     ):
-        plant.step(controller.step(plant.reset(scenario.start)), PLANT_STEP)  # load the kernels before the clock runs
+        command = controller.step(plant.reset(scenario.start))  # load the kernels before the clock runs
+        if not is_foreign(scenario.plant):  # an FMU has none, and some start only once
+            plant.step(command, PLANT_STEP)
         with made(folder):
             log = folder / "can.blf"
             log.unlink(missing_ok=True)
