@@ -1,7 +1,6 @@
 """FMUs for tests: our own, changed in one place, and one by somebody else."""
 
 import math
-import shutil
 import zipfile
 from contextlib import contextmanager
 from dataclasses import astuple
@@ -14,6 +13,7 @@ from sidestep.fmu.importing.archive import unpack
 from sidestep.fmu.native.build import build_fmu, source_files
 from sidestep.fmu.native.plants import MODELS
 from sidestep.fmu.native.platforms import compile_library
+from sidestep.fmu.scratch import discard
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
@@ -34,7 +34,7 @@ def unpacked(file):
     try:
         yield fmu
     finally:
-        shutil.rmtree(fmu.folder)
+        discard(fmu.folder)
 
 
 def changed(source, target, changes):

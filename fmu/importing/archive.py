@@ -1,7 +1,5 @@
 """Open an .fmu file: what can be wrong with it is found here, before anything of it runs."""
 
-import shutil
-import tempfile
 import zipfile
 import zlib
 from dataclasses import dataclass
@@ -11,6 +9,7 @@ from xml.etree import ElementTree
 import fmpy
 from fmpy.model_description import CoSimulation, ModelDescription, ScalarVariable
 
+from sidestep.fmu.scratch import discard, scratch_folder
 from sidestep.plant_models.errors import InputError
 
 
@@ -19,7 +18,7 @@ class UnpackedFmu:
     """A sound co-simulation FMU on disk.
 
     Attributes:
-        folder: Where it was unpacked; the owner removes it.
+        folder: Where it was unpacked; the owner gives it to `discard`.
         is_fmi2: FMI 2.0, else FMI 3.0.
         name: Of the model.
         identifier: Of the co-simulation interface: the binary's name.
@@ -88,11 +87,11 @@ def _fixed_step(path: Path, description: ModelDescription, interface: CoSimulati
 
 
 def _extract(archive: zipfile.ZipFile) -> Path:
-    folder = Path(tempfile.mkdtemp(prefix="sidestep-fmu-"))
+    folder = scratch_folder("fmu")
     try:
         archive.extractall(folder)
     except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
+        discard(folder)
         raise
     return folder
 

@@ -1,7 +1,6 @@
 """What is wrong with an FMU and its mapping together: found by driving it, in a process of its own."""
 
 import math
-import shutil
 from functools import partial
 from pathlib import Path
 
@@ -9,6 +8,7 @@ from sidestep.fmu.importing.archive import unpack
 from sidestep.fmu.importing.isolation import IsolatedPlant
 from sidestep.fmu.importing.mapping import OUTPUTS, Mapping
 from sidestep.fmu.importing.plant import FmuPlant
+from sidestep.fmu.scratch import discard
 from sidestep.plant_models.check_plant import check_plant
 from sidestep.plant_models.checks.driving import DT
 from sidestep.plant_models.errors import InputError, PlantError
@@ -47,5 +47,5 @@ def check_driven(path: Path, map_file: Path) -> list[str]:
 def _step(path: Path) -> float:
     """Twice a step that the FMU can make, about DT."""
     fmu = unpack(path)
-    shutil.rmtree(fmu.folder, ignore_errors=True)
+    discard(fmu.folder)
     return 2.0 * fmu.fixed_step * math.ceil(0.5 * DT / fmu.fixed_step - 1e-9) if fmu.fixed_step else DT

@@ -2,7 +2,6 @@
 
 import importlib.util
 import math
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -14,6 +13,7 @@ from fmpy.validation import validate_fmu
 from sidestep.fmu.importing.archive import UnpackedFmu, unpack
 from sidestep.fmu.importing.instance import FmuInstance
 from sidestep.fmu.importing.isolation import call_isolated
+from sidestep.fmu.scratch import discard
 from sidestep.plant_models.errors import InputError, PlantError
 
 TIME_LIMIT = 60.0
@@ -39,7 +39,7 @@ def check_fmu(path: Path) -> list[tuple[str, str]]:
     try:
         found = [("sidestep", finding) for finding in (*_described(fmu), *_run(path))]
     finally:
-        shutil.rmtree(fmu.folder, ignore_errors=True)
+        discard(fmu.folder)
     return found + [("fmpy", finding) for finding in _fmpy(path)] + [("fmutool", finding) for finding in _fmutool(path)]
 
 

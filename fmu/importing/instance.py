@@ -5,7 +5,6 @@ Life cycle: construct (unpack, load) -> start -> any number of set, step, get ->
 
 import ctypes
 import math
-import shutil
 import weakref
 from collections import deque
 from collections.abc import Iterable
@@ -18,6 +17,7 @@ from fmpy.fmi3 import FMU3Slave
 
 from sidestep.fmu.importing.archive import unpack
 from sidestep.fmu.importing.loading import fmi2_callbacks, load_binary
+from sidestep.fmu.scratch import discard
 from sidestep.plant_models.errors import InputError, PlantError
 
 _DOUBLES = ("Real", "Float64")
@@ -64,7 +64,7 @@ class FmuInstance:
         self.path = Path(path)
         with ExitStack() as resources:
             unpacked = unpack(self.path)
-            resources.callback(shutil.rmtree, unpacked.folder, ignore_errors=True)
+            resources.callback(discard, unpacked.folder)
             self.variables, self.is_fmi2 = unpacked.variables, unpacked.is_fmi2
             self.fixed_step, self.interface = unpacked.fixed_step, unpacked.interface
             self._slave = load_binary(self.path, unpacked)

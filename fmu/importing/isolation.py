@@ -8,6 +8,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any, Self, TypeVar
 
+from sidestep.fmu.scratch import discard, scratch_folder
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
@@ -102,10 +103,10 @@ class _Process:
     """The other process, the connection to it, and a folder for what it unpacks: dead, it cleans up nothing."""
 
     def __init__(self, serve: Callable[..., None], work: Callable[[], Any]):
-        self._folder = tempfile.TemporaryDirectory(prefix="sidestep-", ignore_cleanup_errors=True)
+        self._folder = scratch_folder("process")
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
-        self.process = context.Process(target=_begin, args=(self._folder.name, serve, theirs, work), daemon=True)
+        self.process = context.Process(target=_begin, args=(str(self._folder), serve, theirs, work), daemon=True)
         self.process.start()
         theirs.close()
 
@@ -144,7 +145,7 @@ class _Process:
         self.connection.close()
         self.process.kill()
         self.process.join()
-        self._folder.cleanup()
+        discard(self._folder)
 
 
 def _begin(folder: str, serve: Callable[..., None], connection: Connection, work: Callable[[], Any]) -> None:

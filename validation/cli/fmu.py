@@ -1,7 +1,6 @@
 """The `sidestep fmu` commands."""
 
 import argparse
-import shutil
 from pathlib import Path
 
 from sidestep.plant_models.errors import InputError
@@ -106,6 +105,7 @@ def _export(options: argparse.Namespace) -> int:
 def _info(options: argparse.Namespace) -> int:
     from sidestep.fmu.importing.archive import unpack
     from sidestep.fmu.importing.proposal import describe, propose_mapping
+    from sidestep.fmu.scratch import discard
     from sidestep.validation.files import check_file, write_text, written_file
 
     check_file(options.map, "--map")
@@ -113,7 +113,7 @@ def _info(options: argparse.Namespace) -> int:
     try:
         text, proposal = describe(fmu), propose_mapping(fmu, options.file)
     finally:
-        shutil.rmtree(fmu.folder, ignore_errors=True)
+        discard(fmu.folder)
     print(f"{text}\n\n{proposal}", end="")
     if options.map:
         with written_file(options.map, "--map"):
