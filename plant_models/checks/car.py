@@ -34,7 +34,7 @@ BEND = 2.0
 """Lateral acceleration of the fast bend, where tyres are linear, in [m/s^2]."""
 LEAST_GRIP = 0.65
 """Share of the tyres' peak that a car reaches at least; load transfer takes up to a quarter."""
-_ANGLE, _SLIP = 0.04, 0.15
+_ANGLE, _SLIP, _ROLLS = 0.04, 0.15, 0.01
 _INERTIA = (0.7, 1.25)  # a body that rolls turns in as if it were up to a quarter lighter in yaw
 
 
@@ -130,18 +130,24 @@ def _fast_bend(plant: Plant, vehicle: VehicleParameters, dt: float) -> _Bend:
     rear = (vehicle.l_r * rate - v_y) / speed
     end = round(0.5 / h)
     sideways = vehicle.mass / vehicle.wheelbase * float(np.mean((speed * rate)[-end:]))
-    # The forces that belong to the steady slip angles, whatever the tyres are like: lever times force per slip.
-    turning = vehicle.l_f * vehicle.l_r * sideways * (front / front[-end:].mean() - rear / rear[-end:].mean())
+    slip_f, slip_r = float(front[-end:].mean()), float(rear[-end:].mean())
+    inertia = math.nan
+    if slip_f and slip_r:  # forces that belong to the steady slip angles, whatever the tyres are like
+        turning = vehicle.l_f * vehicle.l_r * sideways * (front / slip_f - rear / slip_r)
+        inertia = float(np.trapezoid(turning, dx=h) / rate[-end:].mean())
     return _Bend(
-        front=float(front[-end:].mean()) * vehicle.cornering_stiffness_front / (vehicle.l_r * sideways),
-        rear=float(rear[-end:].mean()) * vehicle.cornering_stiffness_rear / (vehicle.l_f * sideways),
-        inertia=float(np.trapezoid(turning, dx=h) / rate[-end:].mean()) / vehicle.yaw_inertia,
+        front=slip_f * vehicle.cornering_stiffness_front / (vehicle.l_r * sideways),
+        rear=slip_r * vehicle.cornering_stiffness_rear / (vehicle.l_f * sideways),
+        inertia=inertia / vehicle.yaw_inertia,
     )
 
 
 def mass_and_stiffness(plant: Plant, vehicle: VehicleParameters, dt: float = DT) -> Iterator[str]:
     """The axles slip as much as the car's mass, stiffnesses and inertia make them."""
     found, tyre = _fast_bend(plant, vehicle, dt), vehicle.tyre.as_array()
+    if max(abs(found.front), abs(found.rear)) < _ROLLS:
+        yield "The car rolls without slip: it has neither tyres nor a mass."
+        return
     per_length = 0.5 * vehicle.mass * GRAVITY / vehicle.wheelbase
     axles = (
         ("front", found.front, vehicle.cornering_stiffness_front, per_length * vehicle.l_r),

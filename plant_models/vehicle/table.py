@@ -47,8 +47,8 @@ def assumed(table: dict[str, Any], vehicle: VehicleParameters) -> str:
     """What is taken for granted of a car, as a sentence: how it was told, and what it weighs."""
     told = ", ".join(f"{key} {table[key]}" for key in WHOLE if key in table)
     own = ", ".join(sorted(table.keys() - set(WHOLE)))
-    how = told or f"the default car {vehicle.name}, nothing told another"
+    how = told or f"the default car {vehicle.name} (nothing told another)"
     return (
-        f"{how}{f' with its own {own}' if own else ''}: mass {vehicle.mass:.5g} kg, l_f {vehicle.l_f:.4g} m, "
+        f"{how}{f', but for {own}' if own else ''}: mass {vehicle.mass:.5g} kg, l_f {vehicle.l_f:.4g} m, "
         f"l_r {vehicle.l_r:.4g} m"
     )
