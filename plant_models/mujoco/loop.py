@@ -11,8 +11,9 @@ from typing import Any
 
 import llvmlite.binding as llvm
 import numpy as np
-from numba import config, njit, types
+from numba import config, types
 
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.linear.plant import steered
 from sidestep.plant_models.mujoco.library import load_own_copy
 from sidestep.plant_models.speed_control import limited_acceleration
@@ -40,13 +41,13 @@ def _native(name: str) -> Any:
 _mj_step1, _mj_step2 = _native("mj_step1"), _native("mj_step2")
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def ackermann(angle, offset):
     """Angle of a wheel whose kingpin is `offset` wheelbases left of the axle's middle, in [rad]."""
     return math.atan2(math.sin(angle), math.cos(angle) - offset * math.sin(angle))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _wheel_torques(dt, car, state, qvel, ctrl):
     """Speed hold: drive on the rear axle, brakes on all wheels by their load, both within the grip."""
     target, speed = state["target_speed"], state["planar"][3]
@@ -72,7 +73,7 @@ def _wheel_torques(dt, car, state, qvel, ctrl):
         ctrl[2 + i] = min(max(stop, -limit), limit)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _steer(dt, car, state, ctrl):
     """Advance the steering actuator and lead the servos so that the hinges follow it without a lag."""
     before = state["steer_angle"]
@@ -85,7 +86,7 @@ def _steer(dt, car, state, ctrl):
         offset = -offset
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def observe(cars, states, qpos, qvel):
     """Write the planar state of the total centre of gravity to `planar` of the state.
 
@@ -115,7 +116,7 @@ def observe(cars, states, qpos, qvel):
     planar[6] = 0.5 * (ackermann(left, -offset) + ackermann(right, offset))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _is_sane(qvel):
     """Whether no velocity is NaN or absurd: MuJoCo would go on and fill the screen with warnings."""
     total = 0.0
@@ -124,7 +125,7 @@ def _is_sane(qvel):
     return total < _ABSURD**2
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def advance(
     steps, dt, model, data, cars, states, sensors, xipos, xmat, qpos, qvel, qfrc, ctrl, mocap_pos, pairs, damping,
     track, patches,

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any, overload
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.road.clothoid import (
     MAX_CURVATURE,
     MAX_LENGTH,
@@ -223,7 +223,7 @@ def _flat(values: ArrayLike) -> Array:
     return np.array(values, dtype=np.float64).ravel()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _curvatures(table, period, s):
     result = np.empty_like(s)
     for i in range(s.size):
@@ -231,7 +231,7 @@ def _curvatures(table, period, s):
     return result
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _points(table, period, s, offset):
     result = np.empty((3, s.size))
     for i in range(s.size):
@@ -239,7 +239,7 @@ def _points(table, period, s, offset):
     return result
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _projections(table, period, x, y, near):
     result = np.empty((3, x.size))
     for i in range(x.size):

@@ -13,6 +13,7 @@ from sidestep.controller import ControllerConfig
 from sidestep.fmu.importing.mapping import vehicle_table
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
+from sidestep.plant_models.ranges import Range
 from sidestep.plant_models.road.reference_path import Arc, Clothoid, Line, ReferencePath
 from sidestep.plant_models.signals import VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
@@ -24,7 +25,8 @@ from sidestep.validation.scenarios.tables import built, checked, did_you_mean, f
 _BUILT_IN = Path(__file__).parent / "built_in"
 _SEGMENTS = {"line": Line, "arc": Arc, "clothoid": Clothoid}
 
-Positive = Annotated[float, Meta(gt=0.0)]
+Speed = Annotated[float, Range(0.01, 150.0, "m/s")]
+Width = Annotated[float, Range(0.01, 1e3, "m")]
 
 
 @dataclass(frozen=True)
@@ -65,8 +67,8 @@ class Scenario:
 @dataclass
 class _File:
     name: Annotated[str, Meta(pattern=r"^[\w.-]+$")]
-    speed: Positive
-    duration: Positive
+    speed: Speed
+    duration: Annotated[float, Range(0.001, 1e5, "s")]
     road: dict[str, Any]
     description: str = ""
     start: dict[str, Any] = field(default_factory=dict)
@@ -78,18 +80,18 @@ class _File:
 
 @dataclass
 class _Road:
-    width_left: Positive
-    width_right: Positive
+    width_left: Width
+    width_right: Width
     segments: list[Any] = field(default_factory=list)
     waypoints: str = ""
 
 
 @dataclass
 class _Start:
-    s: float = 0.0
-    l: float = 0.0  # noqa: E741 (the paper's letter)
-    heading: float = 0.0
-    speed: Positive | None = None
+    s: Annotated[float, Range(-1e6, 1e6, "m")] = 0.0
+    l: Annotated[float, Range(-1e3, 1e3, "m")] = 0.0  # noqa: E741 (the paper's letter)
+    heading: Annotated[float, Range(-100.0, 100.0, "rad")] = 0.0
+    speed: Speed | None = None
 
 
 def built_in_scenarios() -> tuple[str, ...]:
