@@ -7,7 +7,7 @@ import ctypes
 import math
 import weakref
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
@@ -17,31 +17,16 @@ from fmpy.fmi3 import FMU3Slave
 
 from sidestep.fmu.importing.archive import unpack
 from sidestep.fmu.importing.loading import fmi2_callbacks, load_binary
+from sidestep.fmu.importing.ports import FLOATS, Port, elements, find_element
+from sidestep.fmu.importing.start_values import set_others
 from sidestep.fmu.scratch import discard
 from sidestep.plant_models.errors import InputError, PlantError
 
-_DOUBLES = ("Real", "Float64")
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 _WARNING, _DISCARD, _FATAL = 1, 2, 4
 _LAST_SUCCESSFUL_TIME = 2
 SMALLEST_PART = 2**-10
 """Part of a communication step below which a step that is discarded again and again is given up."""
-
-
-class Port:
-    """Variables that are always set or read together, with the buffer of their values.
-
-    Attributes:
-        names: The variables.
-        values: Their values, in the FMU's units; a ctypes array of doubles.
-    """
-
-    def __init__(self, names: list[str], references: list[int], is_fmi2: bool):
-        self.names = names
-        self.values = (ctypes.c_double * len(names))()
-        size = ctypes.c_size_t(len(names))
-        arguments = ((ctypes.c_uint32 * len(names))(*references), size, self.values)
-        self.arguments = arguments if is_fmi2 else (*arguments, size)
 
 
 class FmuInstance:
@@ -74,18 +59,23 @@ class FmuInstance:
         self._bind()
         self._messages: deque[str] = deque(maxlen=3)
         self._handle: ctypes.c_void_p | None = None
+        self._count = 0  # of instances made
         self._time = 0.0
 
     def port(self, names: list[str]) -> Port:
         """Value references and a buffer for these variables.
 
         Raises:
-            InputError: No such variable, or one that is not a double.
+            InputError: No such variable or element, or one that is no floating-point number.
         """
         for name in names:
-            if self._type(name) not in _DOUBLES:
-                raise InputError(str(self.path), f"{name!r} is of type {self._type(name)}", ", ".join(_DOUBLES))
-        return Port(names, [self.variables[name].valueReference for name in names], self.is_fmi2)
+            if self._type(name) not in FLOATS:
+                raise InputError(str(self.path), f"{name!r} is of type {self._type(name)}", ", ".join(FLOATS))
+        rows = [row for name in names if (row := find_element(self.variables, name))]
+        try:
+            return Port(self._slave.dll.library, names, rows, self.is_fmi2)
+        except AttributeError as error:  # a function of single precision, which few binaries have
+            raise InputError(str(self.path), f"its binary lacks what {', '.join(names)} takes: {error}") from error
 
     def check_known(self, names: Iterable[str]) -> None:
         """Whether these are names of its variables, of any type.
@@ -96,7 +86,7 @@ class FmuInstance:
         for name in names:
             self._type(name)
 
-    def start(self, time: float, values: dict[str, float]) -> None:
+    def start(self, time: float, values: Mapping[str, float | str]) -> None:
         """A new instance at `time` [s] with these start values; a former one is freed.
 
         Of an FMU that says that it can be instantiated only once per process, the former one is reset instead.
@@ -105,10 +95,13 @@ class FmuInstance:
             InputError: A name is not one of its variables, or a value does not fit its type.
             PlantError: The FMU refuses.
         """
-        others = {name: value for name, value in values.items() if self._type(name) not in _DOUBLES}
-        doubles = {name: value for name, value in values.items() if name not in others}
-        port = self.port(list(doubles))
-        port.values[:] = list(doubles.values())
+        others = {name: value for name, value in values.items() if self._type(name) not in FLOATS}
+        floats = {name: value for name, value in values.items() if name not in others}
+        port = self.port(list(floats))
+        for name, value in floats.items():
+            if isinstance(value, str):
+                raise InputError(str(self.path), f"{name!r} of type {self._type(name)} cannot be {value!r}", "a number")
+        port.values[:] = list(floats.values())
         self._time = time
         if not self._is_reset():
             self._handle = None
@@ -119,7 +112,7 @@ class FmuInstance:
             if isinstance(slave, FMU2Slave):
                 slave.setupExperiment(startTime=time)
             self.set(port)
-            self._set_others(others)
+            set_others(slave, str(self.path), self.variables, others, self.is_fmi2)
             if isinstance(slave, FMU2Slave):
                 slave.enterInitializationMode()
             else:
@@ -129,19 +122,15 @@ class FmuInstance:
             raise self._failure(error.function, error.status) from error
 
     def _type(self, name: str) -> str:
-        if name not in self.variables:
-            raise InputError(str(self.path), f"no variable {name!r} in it", ", ".join(list(self.variables)[:40]))
-        return str(self.variables[name].type)
-
-    def _set_others(self, values: dict[str, float]) -> None:
-        for name, value in values.items():
-            kind = self._type(name)
-            if kind == "Enumeration":
-                kind = "Integer" if self.is_fmi2 else "Int64"
-            if kind != "Float32" and value != int(value):
-                raise InputError(str(self.path), f"{name!r} of type {kind} cannot be {value}", "a whole number")
-            number = value if kind == "Float32" else bool(value) if kind == "Boolean" else int(value)
-            getattr(self._slave, f"set{kind}")([self.variables[name].valueReference], [number])
+        if row := find_element(self.variables, name):
+            return str(row[0].type)
+        if variable := self.variables.get(name):
+            problem, allowed = (
+                f"{name!r} is an array of {variable.shape}",
+                f"an element, such as {elements(variable)[0]}",
+            )
+            raise InputError(str(self.path), problem, allowed)
+        raise InputError(str(self.path), f"no variable {name!r} in it", ", ".join(list(self.variables)[:40]))
 
     def set(self, port: Port) -> None:
         """Hand the port's buffer to the FMU.
@@ -149,9 +138,12 @@ class FmuInstance:
         Raises:
             PlantError: The FMU refuses.
         """
-        status = self._set(self._handle, *port.arguments)
-        if status > _WARNING:
-            raise self._failure(self._names[0], status)
+        for part in port.parts:
+            for place, target in part.places:
+                part.buffer[target] = port.values[place]
+            status = part.set(self._handle, *part.arguments)
+            if status > _WARNING:
+                raise self._failure(part.set_name, status)
 
     def get(self, port: Port) -> None:
         """Fill the port's buffer.
@@ -159,9 +151,12 @@ class FmuInstance:
         Raises:
             PlantError: The FMU refuses.
         """
-        status = self._get(self._handle, *port.arguments)
-        if status > _WARNING:
-            raise self._failure(self._names[1], status)
+        for part in port.parts:
+            status = part.get(self._handle, *part.arguments)
+            if status > _WARNING:
+                raise self._failure(part.get_name, status)
+            for place, source in part.places:
+                port.values[place] = part.buffer[source]
 
     def step(self, time: float, duration: float) -> None:
         """From `time` on for `duration`, in [s]; what the FMU discards is tried again in halves.
@@ -204,7 +199,7 @@ class FmuInstance:
         self._size.value = size
         status = self._do_step(self._handle, *self._step_arguments)
         if status > _WARNING and not (status == _DISCARD and can_retry):
-            raise self._failure(self._names[2], status)
+            raise self._failure(self._step_name, status)
         if self._ended:
             raise PlantError(f"{self.path.name}: the FMU ended the simulation in the step from t = {start:.6g} s")
         return self._reached(start, size) if status == _DISCARD or self._early else size
@@ -233,13 +228,9 @@ class FmuInstance:
         self._release()
 
     def _bind(self) -> None:
-        """Fresh function objects without argument conversion: all arguments are ctypes values already."""
-        library = self._slave.dll.library
-        if self.is_fmi2:
-            self._names = ("fmi2SetReal", "fmi2GetReal", "fmi2DoStep")
-        else:
-            self._names = ("fmi3SetFloat64", "fmi3GetFloat64", "fmi3DoStep")
-        self._set, self._get, self._do_step = (library[name] for name in self._names)
+        """A fresh function object without argument conversion: all arguments are ctypes values already."""
+        self._step_name = "fmi2DoStep" if self.is_fmi2 else "fmi3DoStep"
+        self._do_step = self._slave.dll.library[self._step_name]
         self._start, self._size, self._last_time = ctypes.c_double(), ctypes.c_double(), ctypes.c_double()
         self._ended, self._early = ctypes.c_bool(), ctypes.c_bool()
         answers = (ctypes.c_bool(), self._ended, self._early, self._last_time)
@@ -261,15 +252,21 @@ class FmuInstance:
         messages.clear()
 
         def log(environment: object, status: int, category: bytes, message: bytes) -> None:
-            messages.append(message.decode(errors="replace"))
+            messages.append((message or b"").decode(errors="replace"))
 
         try:
             if isinstance(self._slave, FMU2Slave):
-                self._slave.instantiate(callbacks=fmi2_callbacks(messages))
+                self._slave.instantiate(callbacks=fmi2_callbacks(messages), loggingOn=True)
             else:
-                self._slave.instantiate(logMessage=log, earlyReturnAllowed=True)
+                self._slave.instantiate(logMessage=log, earlyReturnAllowed=True, loggingOn=True)
+        except PlantError:
+            raise
         except Exception as error:  # fmpy raises bare Exception when the FMU returns a null pointer
-            raise PlantError(f"{self.path.name}: {error}{self._said()}") from error
+            function = "fmi2Instantiate" if self.is_fmi2 else "fmi3InstantiateCoSimulation"
+            again = self._count > 0
+            why = "; it may start once per process: --isolate gives it one for each" if again else ""
+            raise PlantError(f"{self.path.name}: {function} returned no instance{why}{self._said()}") from error
+        self._count += 1
         self._handle = ctypes.c_void_p(self._slave.component)  # pyright: ignore[reportArgumentType] (an int, in truth)
 
     def _failure(self, function: str, status: int) -> PlantError:

@@ -104,12 +104,12 @@ def fmi2_callbacks(messages: deque[str]) -> fmi2CallbackFunctions:
     return callbacks
 
 
-def _log(environment: int | None, name: bytes, status: int, category: bytes, message: bytes) -> None:
+def _log(environment: int | None, name: bytes, status: int, category: bytes, message: bytes | None) -> None:
     messages = _listeners.get(environment or 0)
     if messages is None:  # an FMU that somebody else runs in this process
         printLogMessage(ctypes.c_void_p(environment), name, status, category, message)
     else:
-        messages.append(message.decode(errors="replace"))
+        messages.append((message or b"").decode(errors="replace"))
 
 
 _logger = fmi2CallbackLoggerTYPE(_log)

@@ -79,7 +79,7 @@ class Mapping:
         inputs: By some of the names in `INPUTS`, the steering among them.
         outputs: By the names in `OUTPUTS`, but those in `estimate`.
         start: Parameters that set the start value, by some of the names in `OUTPUTS`.
-        parameters: Values by variable name, in the FMU's own units.
+        parameters: Values by variable name, in the FMU's own units: numbers, true and false, texts.
         estimate: Outputs that the FMU does not have, see `estimation`.
         reference_point: Where the FMU's position and velocity are taken, ahead of the centre of gravity, in [m].
         vehicle: The car that it is, as the table `vehicle` of a scenario file; empty if it is not told.
@@ -90,7 +90,7 @@ class Mapping:
     )
     outputs: dict[str, Signal] = field(default_factory=lambda: {name: Signal(name) for name in OUTPUTS})
     start: dict[str, Signal] = field(default_factory=lambda: {name: Signal(f"{name}_0") for name in OUTPUTS})
-    parameters: dict[str, float] = field(default_factory=dict)
+    parameters: dict[str, float | str] = field(default_factory=dict)
     estimate: tuple[str, ...] = ()
     reference_point: float = 0.0
     vehicle: dict[str, Any] = field(default_factory=dict)
@@ -133,7 +133,9 @@ class Mapping:
                 outputs={name: signal for name, signal in outputs.items() if name not in missing},
                 start=_signals(label, data, "start", OUTPUTS),
                 parameters={
-                    name: _number(f"{label}: parameters.{name}", value, or_bool=True)
+                    name: value
+                    if isinstance(value, str)
+                    else _number(f"{label}: parameters.{name}", value, or_bool=True)
                     for name, value in _table(label, data, "parameters").items()
                 },
                 estimate=missing,

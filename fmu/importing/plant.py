@@ -87,7 +87,7 @@ class FmuPlant:
             CompilerError: The FMU is not built yet and there is no C compiler.
         """
         values = model_values(find_model(model), vehicle, friction) | parameters
-        return cls(build_fmu(model, fmi), Mapping(parameters=values))
+        return cls(build_fmu(model, fmi), Mapping(parameters={**values}))
 
     @classmethod
     def from_file(
@@ -112,7 +112,7 @@ class FmuPlant:
             plant = cls(path, Mapping(), vehicle)
             values = vehicle_values(vehicle) if vehicle else {}
             known = {name: value for name, value in values.items() if name in plant._fmu.variables}
-            plant.mapping = Mapping(parameters=known)
+            plant.mapping = Mapping(parameters={**known})
         else:
             plant = cls(path, mapping if isinstance(mapping, Mapping) else Mapping.from_file(mapping), vehicle)
         if not math.isclose(friction, 1.0):
