@@ -14,6 +14,7 @@ from sidestep.fmu.native.build import build_fmu, source_files
 from sidestep.fmu.native.plants import MODELS
 from sidestep.fmu.native.platforms import compile_library
 from sidestep.fmu.scratch import discard
+from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
@@ -70,6 +71,16 @@ def patched(folder, fmi, old, new, source=None, identifier="single_track"):
     file.write_text(file.read_text().replace(old, new))
     compile_library(sources, folder / "binary", QUICK)
     return changed(source, folder / "patched.fmu", {binary(fmi, identifier): (folder / "binary").read_bytes()})
+
+
+def reported_here(function, limit):
+    """Stands in for `isolation.reported`, without the other process."""
+    found = []
+    try:
+        function(lambda kind, text: found.append(text) if kind == "finding" else None)
+    except (InputError, PlantError) as error:
+        found.append(str(error))
+    return found
 
 
 FOREIGN_MAP = """

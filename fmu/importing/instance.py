@@ -7,16 +7,15 @@ import ctypes
 import math
 import weakref
 from collections import deque
-from collections.abc import Iterable, Mapping
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
-from fmpy.fmi3 import FMU3Slave
 
 from sidestep.fmu.importing.archive import unpack
-from sidestep.fmu.importing.loading import fmi2_callbacks, load_binary
+from sidestep.fmu.importing.loading import end_instance, fmi2_callbacks, free_instance, load_binary
 from sidestep.fmu.importing.ports import FLOATS, Port, elements, find_element
 from sidestep.fmu.importing.start_values import set_others
 from sidestep.fmu.scratch import discard
@@ -40,13 +39,17 @@ class FmuInstance:
         is_fmi2: FMI 2.0, else FMI 3.0.
     """
 
-    def __init__(self, path: str | Path):
+    def __init__(self, path: str | Path, on_call: Callable[[str], None] = lambda name: None):
         """Unpack and load the FMU.
+
+        Args:
+            path: The .fmu file.
+            on_call: Hears the name of each function of the life cycle before it is called.
 
         Raises:
             InputError: It cannot be used on this machine.
         """
-        self.path = Path(path)
+        self.path, self._on_call = Path(path), on_call
         with ExitStack() as resources:
             unpacked = unpack(self.path)
             resources.callback(discard, unpacked.folder)
@@ -54,7 +57,7 @@ class FmuInstance:
             self.fixed_step, self.interface = unpacked.fixed_step, unpacked.interface
             self._slave = load_binary(self.path, unpacked)
             resources.callback(self._slave.freeLibrary)
-            resources.callback(_end, self._slave)
+            resources.callback(end_instance, self._slave, on_call)
             self._release = weakref.finalize(self, resources.pop_all().close)
         self._bind()
         self._messages: deque[str] = deque(maxlen=3)
@@ -105,18 +108,22 @@ class FmuInstance:
         self._time = time
         if not self._is_reset():
             self._handle = None
-            _end(self._slave)
+            end_instance(self._slave, self._on_call)
             self._instantiate()
         slave = self._slave
         try:
             if isinstance(slave, FMU2Slave):
+                self._on_call("fmi2SetupExperiment")
                 slave.setupExperiment(startTime=time)
+            self._on_call("the setting of start values")
             self.set(port)
             set_others(slave, str(self.path), self.variables, others, self.is_fmi2)
+            self._on_call(f"{self._prefix}EnterInitializationMode")
             if isinstance(slave, FMU2Slave):
                 slave.enterInitializationMode()
             else:
                 slave.enterInitializationMode(startTime=time)
+            self._on_call(f"{self._prefix}ExitInitializationMode")
             slave.exitInitializationMode()
         except FMICallException as error:
             raise self._failure(error.function, error.status) from error
@@ -229,7 +236,8 @@ class FmuInstance:
 
     def _bind(self) -> None:
         """A fresh function object without argument conversion: all arguments are ctypes values already."""
-        self._step_name = "fmi2DoStep" if self.is_fmi2 else "fmi3DoStep"
+        self._prefix = "fmi2" if self.is_fmi2 else "fmi3"
+        self._step_name = f"{self._prefix}DoStep"
         self._do_step = self._slave.dll.library[self._step_name]
         self._start, self._size, self._last_time = ctypes.c_double(), ctypes.c_double(), ctypes.c_double()
         self._ended, self._early = ctypes.c_bool(), ctypes.c_bool()
@@ -254,6 +262,8 @@ class FmuInstance:
         def log(environment: object, status: int, category: bytes, message: bytes) -> None:
             messages.append((message or b"").decode(errors="replace"))
 
+        function = "fmi2Instantiate" if self.is_fmi2 else "fmi3InstantiateCoSimulation"
+        self._on_call(function)
         try:
             if isinstance(self._slave, FMU2Slave):
                 self._slave.instantiate(callbacks=fmi2_callbacks(messages), loggingOn=True)
@@ -262,9 +272,7 @@ class FmuInstance:
         except PlantError:
             raise
         except Exception as error:  # fmpy raises bare Exception when the FMU returns a null pointer
-            function = "fmi2Instantiate" if self.is_fmi2 else "fmi3InstantiateCoSimulation"
-            again = self._count > 0
-            why = "; it may start once per process: --isolate gives it one for each" if again else ""
+            why = "; it may start once per process: --isolate gives it one for each" if self._count else ""
             raise PlantError(f"{self.path.name}: {function} returned no instance{why}{self._said()}") from error
         self._count += 1
         self._handle = ctypes.c_void_p(self._slave.component)  # pyright: ignore[reportArgumentType] (an int, in truth)
@@ -275,28 +283,8 @@ class FmuInstance:
         where = f"at t = {self._time:.6g} s"
         error = PlantError(f"{self.path.name}: {function} failed {where}: status {status} ({label}){self._said()}")
         self._handle = None
-        _free(self._slave, may_call=status != _FATAL)
+        free_instance(self._slave, may_call=status != _FATAL)
         return error
 
     def _said(self) -> str:
         return "".join(f"; {message}" for message in self._messages)
-
-
-def _end(slave: FMU2Slave | FMU3Slave) -> None:
-    """Terminate and free the instance, if there is one."""
-    if slave.component:
-        with suppress(FMICallException, PlantError):
-            slave.terminate()
-    _free(slave)
-
-
-def _free(slave: FMU2Slave | FMU3Slave, may_call: bool = True) -> None:
-    """Forget the instance, if there is one, and free it; the library stays."""
-    component = slave.component
-    slave.component = None  # pyright: ignore[reportAttributeAccessIssue] (as fmpy itself begins)
-    if not (component and may_call):
-        return
-    if isinstance(slave, FMU2Slave):
-        slave.fmi2FreeInstance(component)
-    else:
-        slave.fmi3FreeInstance(component)

@@ -6,30 +6,43 @@ import tempfile
 from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
-from typing import Any, Self, TypeVar
+from typing import Any, Self
 
 from sidestep.fmu.scratch import discard, scratch_folder
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 
-T = TypeVar("T")
+Report = Callable[[str, str], None]
+"""Hears "finding" with a sentence, or "call" with the name of what is called next."""
 
 START_LIMIT = 60.0
 """Time for the process to start and build the plant, in [s]."""
 
 
-def call_isolated(function: Callable[[], T], time_limit: float) -> T:
-    """What a picklable function returns, called in a process of its own.
+def reported(function: Callable[[Report], None], time_limit: float) -> list[str]:
+    """What a picklable function found, called in a process of its own.
 
-    Raises:
-        InputError, PlantError: What it raises, or its process ends or hangs.
+    Args:
+        function: Is handed a `Report`; what it said before its process ends or hangs is kept.
+        time_limit: Between two reports, in [s].
+
+    Returns:
+        The findings; the last one says how it ended, if it did not return, and in which call.
     """
-    process = _Process(_call, function)
+    process, found, doing = _Process(_report, function), [], "the call"
     try:
-        return process.answer("the call", time_limit)
+        while (answer := process.answer(doing, time_limit)) is not None:
+            kind, text = answer
+            if kind == "finding":
+                found.append(text)
+            else:
+                doing = text
+    except (InputError, PlantError) as error:
+        found.append(str(error))
     finally:
         process.end()
+    return found
 
 
 class IsolatedPlant:
@@ -102,7 +115,7 @@ class IsolatedPlant:
 class _Process:
     """The other process, the connection to it, and a folder for what it unpacks: dead, it cleans up nothing."""
 
-    def __init__(self, serve: Callable[..., None], work: Callable[[], Any]):
+    def __init__(self, serve: Callable[..., None], work: Callable[..., Any]):
         self._folder = scratch_folder("process")
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
@@ -148,15 +161,16 @@ class _Process:
         discard(self._folder)
 
 
-def _begin(folder: str, serve: Callable[..., None], connection: Connection, work: Callable[[], Any]) -> None:
+def _begin(folder: str, serve: Callable[..., None], connection: Connection, work: Callable[..., Any]) -> None:
     tempfile.tempdir = folder
     serve(connection, work)
 
 
-def _call(connection: Connection, function: Callable[[], Any]) -> None:
+def _report(connection: Connection, function: Callable[[Report], None]) -> None:
     try:
-        connection.send((function(), None))
-    except Exception as error:  # whatever it is, the parent raises it
+        function(lambda kind, text: connection.send(((kind, text), None)))
+        connection.send((None, None))
+    except Exception as error:  # whatever it is, the parent tells it
         connection.send((None, _message(error)))
 
 
