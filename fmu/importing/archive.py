@@ -141,8 +141,14 @@ def _check_names(path: Path, names: list[str]) -> None:
 
 def _read_description(path: Path, archive: zipfile.ZipFile) -> ModelDescription:
     try:
+        root = ElementTree.fromstring(archive.read("modelDescription.xml"))
+        version = root.get("fmiVersion", "")
+        if version.startswith("1."):
+            raise InputError(str(path), f"FMI {version}", "FMI 2.0, FMI 3.0")
         description = fmpy.read_model_description(path, validate=False)
-        interface = ElementTree.fromstring(archive.read("modelDescription.xml")).find("CoSimulation")
+        interface = root.find("CoSimulation")
+    except InputError:
+        raise
     except Exception as error:  # fmpy raises bare Exception, and whatever its parsers raise
         raise InputError(str(path), f"modelDescription.xml cannot be read: {error}") from error
     if description.coSimulation and interface is not None and "providesDirectionalDerivatives" in interface.attrib:
@@ -153,9 +159,6 @@ def _read_description(path: Path, archive: zipfile.ZipFile) -> ModelDescription:
 
 
 def _interface(path: Path, description: ModelDescription) -> CoSimulation:
-    version = str(description.fmiVersion)
-    if version.startswith("1."):
-        raise InputError(str(path), f"FMI {version}", "FMI 2.0, FMI 3.0")
     if description.coSimulation is None:
         raise InputError(str(path), "made for model exchange only", "an FMU for co-simulation")
     return description.coSimulation

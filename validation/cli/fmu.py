@@ -109,7 +109,7 @@ def _info(options: argparse.Namespace) -> int:
     from sidestep.validation.files import check_file, write_text, written_file
 
     check_file(options.map, "--map")
-    fmu = unpack(options.file)
+    fmu = unpack(options.file, to_run=False)
     try:
         text, proposal = describe(fmu), propose_mapping(fmu, options.file)
     finally:
