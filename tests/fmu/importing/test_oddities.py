@@ -101,8 +101,8 @@ ARRAYS = (
 WITHOUT_START = tuple(row for row in ROWS if row[2] != "parameter")
 GRADS = (
     '<Unit name="Grad"><BaseUnit rad="1" factor="0.017453292519943295"/></Unit><Unit name="kmph"><BaseUnit '
-    'm="1" s="-1" factor="0.2777777777777778"/></Unit><Unit name="Grad/s"><BaseUnit rad="1" s="-1" factor="0.017453292519943295"/>'
-    '</Unit><Unit name="m"/><Unit name="m/s"/>'
+    'm="1" s="-1" factor="0.2777777777777778"/></Unit><Unit name="Grad/s"><BaseUnit '
+    'rad="1" s="-1" factor="0.017453292519943295"/></Unit><Unit name="m"/><Unit name="m/s"/>'
 )
 IN_GRADS = tuple((*row[:3], {"rad": "Grad", "rad/s": "Grad/s"}.get(row[3], row[3])) for row in ROWS)
 IN_GRADS = tuple((*row[:3], "kmph" if row[0] in ("target_speed", "v_x", "v_x_0") else row[3]) for row in IN_GRADS)
