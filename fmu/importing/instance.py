@@ -145,12 +145,9 @@ class FmuInstance:
         Raises:
             PlantError: The FMU refuses.
         """
-        for part in port.parts:
-            for place, target in part.places:
-                part.buffer[target] = port.values[place]
-            status = part.set(self._handle, *part.arguments)
-            if status > _WARNING:
-                raise self._failure(part.set_name, status)
+        status = port.set_plain(self._handle, *port.arguments) if port.is_plain else self._set_parts(port)
+        if status > _WARNING:
+            raise self._failure(port.parts[0].set_name, status)
 
     def get(self, port: Port) -> None:
         """Fill the port's buffer.
@@ -158,12 +155,25 @@ class FmuInstance:
         Raises:
             PlantError: The FMU refuses.
         """
+        status = port.get_plain(self._handle, *port.arguments) if port.is_plain else self._get_parts(port)
+        if status > _WARNING:
+            raise self._failure(port.parts[0].get_name, status)
+
+    def _set_parts(self, port: Port) -> int:
+        worst = 0
         for part in port.parts:
-            status = part.get(self._handle, *part.arguments)
-            if status > _WARNING:
-                raise self._failure(part.get_name, status)
+            for place, target in part.places:
+                part.buffer[target] = port.values[place]
+            worst = max(worst, part.set(self._handle, *part.arguments))
+        return worst
+
+    def _get_parts(self, port: Port) -> int:
+        worst = 0
+        for part in port.parts:
+            worst = max(worst, part.get(self._handle, *part.arguments))
             for place, source in part.places:
                 port.values[place] = part.buffer[source]
+        return worst
 
     def step(self, time: float, duration: float) -> None:
         """From `time` on for `duration`, in [s]; what the FMU discards is tried again in halves.

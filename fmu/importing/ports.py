@@ -40,18 +40,20 @@ class Port:
         names: The variables.
         values: Their values, in the FMU's units; a ctypes array of doubles.
         parts: The calls that they take.
+        is_plain: Whether it is one call with the port's own buffer: `set_plain` and `get_plain` with `arguments`.
     """
 
     def __init__(self, library: Any, names: list[str], rows: list[tuple[ScalarVariable, int]], is_fmi2: bool):
         self.names, self.values = names, (ctypes.c_double * len(names))()
         kinds = dict.fromkeys(str(variable.type) for variable, _ in rows)
-        is_plain = all(FLOATS[kind] is ctypes.c_double for kind in kinds) and not any(v.shape for v, _ in rows)
-        if is_plain:
+        self.is_plain = all(FLOATS[kind] is ctypes.c_double for kind in kinds) and not any(v.shape for v, _ in rows)
+        if self.is_plain:
             kind = "Real" if is_fmi2 else "Float64"
             references = [int(variable.valueReference) for variable, _ in rows]
             self.parts = [_part(library, kind, references, self.values, (), is_fmi2)]
         else:
             self.parts = [_mixed(library, kind, rows) for kind in kinds]
+        self.set_plain, self.get_plain, self.arguments = self.parts[0].set, self.parts[0].get, self.parts[0].arguments
 
 
 def find_element(variables: dict[str, ScalarVariable], name: str) -> tuple[ScalarVariable, int] | None:
