@@ -25,15 +25,15 @@ def reported(function: Callable[[Report], None], time_limit: float) -> list[str]
 
     Args:
         function: Is handed a `Report`; what it said before its process ends or hangs is kept.
-        time_limit: Between two reports, in [s].
+        time_limit: Between two reports, in [s]; the first one may take START_LIMIT.
 
     Returns:
         The findings; the last one says how it ended, if it did not return, and in which call.
     """
-    process, found, doing = _Process(_report, function), [], "the call"
+    process, found, doing, limit = _Process(_report, function), [], "the call", max(time_limit, START_LIMIT)
     try:
-        while (answer := process.answer(doing, time_limit)) is not None:
-            kind, text = answer
+        while (answer := process.answer(doing, limit)) is not None:
+            (kind, text), limit = answer, time_limit
             if kind == "finding":
                 found.append(text)
             else:

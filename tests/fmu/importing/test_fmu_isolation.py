@@ -164,7 +164,7 @@ def test_a_plant_that_cannot_be_built_is_told():
 
 def test_the_other_side_of_a_call():
     ours, theirs = Pipe()
-    isolation._call(theirs, lambda: 7)
-    isolation._call(theirs, partial(int, "x"))
-    assert ours.recv() == (7, None)
+    isolation._report(theirs, lambda say: say("finding", "one"))
+    isolation._report(theirs, lambda say: say(int("x"), ""))
+    assert [ours.recv() for _ in range(2)] == [(("finding", "one"), None), (None, None)]
     assert ours.recv()[1].startswith("ValueError: ")
