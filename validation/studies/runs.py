@@ -15,6 +15,7 @@ from sidestep.validation.loop.cosimulation import PLANT_STEP, Coupling, cosimula
 from sidestep.validation.loop.foreign import is_foreign
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import End, Recording
+from sidestep.validation.loop.start import reset_to
 from sidestep.validation.report.film import film
 from sidestep.validation.report.viewer import viewer
 from sidestep.validation.scenarios.scenario import Scenario
@@ -69,7 +70,8 @@ def drive(
         render: Film of MuJoCo's car to write, .gif or .mp4.
 
     Raises:
-        InputError: Plant, bus or folder cannot be used; nothing is left behind then.
+        InputError: Plant, bus or folder cannot be used, or the plant does not start where it is put; nothing is left
+            behind then.
         PlantError: The plant cannot be built or cannot start.
     """
     controller = open_controller(scenario)
@@ -78,7 +80,8 @@ def drive(
         viewer(plant, scenario, controller) if view else nullcontext() as show,
         film(plant, render, scenario, controller) if render else nullcontext() as shoot,
     ):
-        command = controller.step(plant.reset(scenario.start))  # load the kernels before the clock runs
+        start, _ = reset_to(plant, scenario.start, scenario.plant)  # refused here, before anything is written
+        command = controller.step(start)  # load the kernels before the clock runs
         if not is_foreign(scenario.plant):  # an FMU has none, and some start only once
             plant.step(command, PLANT_STEP)
         with made(folder):

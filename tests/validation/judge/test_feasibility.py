@@ -9,13 +9,13 @@ from sidestep.plant_models.vehicle.parameters import GRAVITY
 from sidestep.validation.judge.feasibility import (
     LATERAL_SHARE,
     MARGIN,
-    MAX_JERK,
     REACTION_TIME,
     STEER_SHARE,
     Feasibility,
     assess,
 )
 from sidestep.validation.judge.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
+from sidestep.validation.judge.reachability import MAX_JERK
 from sidestep.validation.scenarios.random_scenes import random_scene
 from sidestep.validation.scenarios.scenario import Scenario, parse_scenario
 
