@@ -35,7 +35,7 @@ BEND = 2.0
 LEAST_GRIP = 0.65
 """Share of the tyres' peak that a car reaches at least; load transfer takes up to a quarter."""
 _ANGLE, _SLIP, _ROLLS = 0.04, 0.15, 0.01
-_INERTIA = (0.7, 1.25)  # a body that rolls turns in as if it were up to a quarter lighter in yaw
+_INERTIA = (0.8, 1.25)
 
 
 def gain(vehicle: VehicleParameters, speed: float) -> float:
@@ -115,11 +115,15 @@ def _lateness(signal: Array, dt: float) -> float:
 
 
 class _Bend(NamedTuple):
-    """A fast bend: slip angle per lateral force of both axles, and the inertia, over what the linear car has."""
+    """A fast bend: slip angle per lateral force of both axles, and the inertia, over what the linear car has.
+
+    The inertia is that of a plant that does not roll, and of one that rolls on the car's springs.
+    """
 
     front: float
     rear: float
     inertia: float
+    inertia_if_rolling: float
 
 
 def _fast_bend(plant: Plant, vehicle: VehicleParameters, dt: float) -> _Bend:
@@ -135,11 +139,25 @@ def _fast_bend(plant: Plant, vehicle: VehicleParameters, dt: float) -> _Bend:
     if slip_f and slip_r:  # forces that belong to the steady slip angles, whatever the tyres are like
         turning = vehicle.l_f * vehicle.l_r * sideways * (front / slip_f - rear / slip_r)
         inertia = float(np.trapezoid(turning, dx=h) / rate[-end:].mean())
+    # A body that rolls sways: the centre of gravity moves outwards over the axles, which looks like less slip.
+    levers = vehicle.l_f * vehicle.l_r * sideways * (1.0 / slip_f - 1.0 / slip_r) if slip_f and slip_r else 0.0
+    swayed = -levers * _sway(vehicle) * BEND / (FAST * float(rate[-end:].mean()))
     return _Bend(
         front=slip_f * vehicle.cornering_stiffness_front / (vehicle.l_r * sideways),
         rear=slip_r * vehicle.cornering_stiffness_rear / (vehicle.l_f * sideways),
         inertia=inertia / vehicle.yaw_inertia,
+        inertia_if_rolling=(inertia + max(swayed, 0.0)) / vehicle.yaw_inertia,
     )
+
+
+def _sway(vehicle: VehicleParameters) -> float:
+    """Way of the centre of gravity over the axles per lateral acceleration, in [s^2]; about the road."""
+    if vehicle.suspension is None:
+        return 0.0
+    sprung = vehicle.mass - vehicle.suspension.unsprung_mass_front - vehicle.suspension.unsprung_mass_rear
+    stiffness = sum(vehicle.suspension.roll_of_axle(axle)[0] for axle in ("front", "rear"))
+    moment = sprung * vehicle.cg_height
+    return vehicle.cg_height * moment / max(stiffness - moment * GRAVITY, 0.1 * stiffness)
 
 
 def mass_and_stiffness(plant: Plant, vehicle: VehicleParameters, dt: float = DT) -> Iterator[str]:
@@ -160,7 +178,7 @@ def mass_and_stiffness(plant: Plant, vehicle: VehicleParameters, dt: float = DT)
                 f"In a bend of {BEND:g} m/s^2 the {axle} axle slips {factor:.3g} times as much as the car's: mass over "
                 f"cornering_stiffness_{axle}, or the centre of gravity, is another."
             )
-    if not _INERTIA[0] <= found.inertia <= _INERTIA[1]:
+    if not (found.inertia <= _INERTIA[1] and found.inertia_if_rolling >= _INERTIA[0]):
         yield f"The car turns in as if its yaw_inertia over mass were {found.inertia:.3g} times what is told."
 
 
