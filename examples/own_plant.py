@@ -67,7 +67,7 @@ class KinematicCar:
 def main() -> None:
     car = VehicleParameters.preset("bmw-320i")
     for finding in check_plant(KinematicCar(car), car):
-        print("check_plant:", finding)
+        print("check_plant:", finding)  # three: a car that rolls without slip is no BMW in a fast bend
 
     road = ReferencePath.from_segments([Line(150.0)])
     controller = SteeringController(car, road, [Obstacle(s=40.0, l=0.0, length=4.5, width=1.8)])

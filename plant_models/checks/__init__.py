@@ -1,1 +1,1 @@
-"""Whether a plant keeps to the conventions of the seams."""
+"""What every plant promises, as short manoeuvres: `check_plant` runs them all, `quick_check` the few before a drive."""

@@ -34,6 +34,7 @@ from sidestep.validation.judge.summary import summarise
 from sidestep.validation.judge.verdict import judge
 from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.loop.cosimulation import cosimulate
+from sidestep.validation.loop.foreign import is_foreign
 from sidestep.validation.loop.measurement import sensed
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import STEP_UNITS, Recording
@@ -189,7 +190,8 @@ def run_plant(
     node = VehicleNode(messages(protection), _actuator(scenario))
     with open_plant(scenario) as plant:
         start, _ = reset_to(plant, scenario.start, scenario.plant)  # refused here, before anything is written
-        plant.step(SteeringCommand(start.time, start.steer_angle, scenario.speed), CYCLE)  # load the kernels
+        if not is_foreign(scenario.plant):  # load the kernels; an FMU has none, and some start only once
+            plant.step(SteeringCommand(start.time, start.steer_angle, scenario.speed), CYCLE)
         with made(folder):
             link = RealTimeLink(resolve_spec(can, True), _VEHICLE, protection, folder / log, allow_real_bus)
         with link, _undisturbed():

@@ -164,8 +164,9 @@ def _run(options: argparse.Namespace) -> int:
     if options.row is None:
         read_scenario(options.scenario)  # a mistyped name need not wait for all that is below
     from sidestep.validation.cli.campaign import compared_to_row, replayed
-    from sidestep.validation.console import print_runs, progress_bar
+    from sidestep.validation.console import print_runs, progress_bar, warn
     from sidestep.validation.files import check_file
+    from sidestep.validation.loop.foreign import plant_doubts
     from sidestep.validation.report.exports.junit import write_junit
     from sidestep.validation.report.exports.mdf import require_mdf, write_mdf
     from sidestep.validation.report.report import junit_case, write_run
@@ -185,6 +186,7 @@ def _run(options: argparse.Namespace) -> int:
         require_mdf()
     check_file(options.junit, "--junit")
     check_file(options.render, "--render")
+    warn(plant_doubts(scenario))
     with progress_bar(f"{scenario.name} on {scenario.plant.name}", scenario.duration) as progress:
         run = drive(
             scenario, folder, can, options.coupling, options.allow_real_bus, options.view, progress,

@@ -2,7 +2,7 @@
 
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,13 +10,14 @@ import numpy as np
 from msgspec import Meta
 
 from sidestep.controller import ControllerConfig
+from sidestep.fmu.importing.mapping import vehicle_table
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.ranges import Range
 from sidestep.plant_models.road.reference_path import Arc, Clothoid, Line, ReferencePath
 from sidestep.plant_models.signals import VehicleState
-from sidestep.plant_models.tyres.property_file import read_tyre
 from sidestep.plant_models.vehicle.parameters import VehicleParameters, require_one_stiffness
+from sidestep.plant_models.vehicle.table import WHOLE, vehicle_from_table
 from sidestep.validation.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
 from sidestep.validation.scenarios.library import read_scenario
 from sidestep.validation.scenarios.plant_settings import PlantSettings, plant_settings
@@ -155,6 +156,7 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
     preset, config = _controller(top.controller, road, top.speed)
     x, y = path.to_cartesian(start.s, start.l)
     yaw = path.heading(start.s) + start.heading
+    plant = plant_settings(top.plant, file.parent)
     scenario = Scenario(
         name=top.name,
         speed=top.speed,
@@ -162,11 +164,11 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
         path=path,
         start=VehicleState(0.0, x, y, yaw, start.speed or top.speed),
         obstacles=tuple(_obstacle(values, f"obstacles[{i}]") for i, values in enumerate(top.obstacles)),
-        vehicle=_vehicle(top.vehicle, file.parent),
+        vehicle=_vehicle(told_car(top.vehicle, plant), file.parent),
         controller=config,
         controller_preset=preset,
         description=top.description,
-        plant=plant_settings(top.plant, file.parent),
+        plant=plant,
         tables=tables,
         folder=file.parent,
     )  # fmt: skip
@@ -200,16 +202,17 @@ def _vehicle(table: dict[str, Any], folder: Path) -> VehicleParameters:
     require_one_stiffness(table)
     names = {"preset": str, "file": str, "tyre_file": str}
     values = checked(VehicleParameters, table, "vehicle", partial=True, also=names)
-    preset, file, tyre_file = values.pop("preset", "bmw-320i"), values.pop("file", ""), values.pop("tyre_file", "")
-    base = VehicleParameters.preset(preset)
-    if file:
-        base = VehicleParameters.from_file(file_at(folder, file, "vehicle.file"))
-    if tyre_file:
-        base = base.on_tyres(read_tyre(file_at(folder, tyre_file, "vehicle.tyre_file")))
-    for name in ("tyre", "suspension"):
-        if name in values:
-            values[name] = replace(getattr(base, name), **values[name])
-    return base.with_(**values)
+    for key in ("file", "tyre_file"):
+        if values.get(key):
+            file_at(folder, values[key], f"vehicle.{key}")
+    return vehicle_from_table(values, folder)
+
+
+def told_car(vehicle: dict[str, Any], plant: PlantSettings) -> dict[str, Any]:
+    """The table `vehicle` of a scenario, on that of the mapping file of its plant unless it tells a whole car."""
+    if not plant.map or not Path(plant.map).is_file() or any(key in vehicle for key in WHOLE):
+        return vehicle
+    return vehicle_table(Path(plant.map)) | vehicle
 
 
 def _controller(table: dict[str, Any], road: Road, speed: float) -> tuple[str, ControllerConfig]:

@@ -11,6 +11,7 @@ from sidestep.validation.judge.summary import summarise
 from sidestep.validation.judge.verdict import judge
 from sidestep.validation.loop.closed_loop import open_controller
 from sidestep.validation.loop.cosimulation import PLANT_STEP, Coupling, cosimulate
+from sidestep.validation.loop.foreign import is_foreign
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.start import reset_to
 from sidestep.validation.report.film import film
@@ -54,7 +55,9 @@ def drive(
         film(plant, render, scenario, controller) if render else nullcontext() as shoot,
     ):
         start, _ = reset_to(plant, scenario.start, scenario.plant)  # refused here, before anything is written
-        plant.step(controller.step(start), PLANT_STEP)  # load the kernels before the clock runs
+        command = controller.step(start)  # load the kernels before the clock runs
+        if not is_foreign(scenario.plant):  # an FMU has none, and some start only once
+            plant.step(command, PLANT_STEP)
         with made(folder):
             log = folder / "can.blf"
             log.unlink(missing_ok=True)

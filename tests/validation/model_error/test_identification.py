@@ -16,7 +16,7 @@ from sidestep.validation.manoeuvres.open_loop import Response, drive
 from sidestep.validation.model_error.identification.identification import DRIVES, identify, ljung_box
 
 CAR = VehicleParameters.preset("bmw-320i")
-TRUTH = np.array([CAR.cornering_stiffness_front / 2, CAR.cornering_stiffness_rear / 2, CAR.yaw_inertia])
+TRUTH = np.array([CAR.cornering_stiffness_front, CAR.cornering_stiffness_rear, CAR.yaw_inertia])
 WRONG = CAR.with_(cornering_stiffness_front=90e3, cornering_stiffness_rear=140e3, yaw_inertia=1200.0)
 NOISE = {"yaw_rate": 0.001, "lateral_acceleration": 0.025}
 
