@@ -84,7 +84,7 @@ def test_the_check_is_made_in_another_process_and_survives_a_crash(tmp_path, mon
     monkeypatch.setattr(
         sys.modules["sidestep.plant_models.checks.check_plant"], "CONVENTIONS", (clock, determinism, signs)
     )
-    monkeypatch.setattr(sys.modules["sidestep.plant_models.checks.check_plant"], "OF_THE_CAR", ())
+    monkeypatch.setattr(module, "OF_THE_CAR", ())
     table = tmp_path / "map.toml"
     table.write_text(TOLD)
     found = check_driven(Odd(macros=("CRASHES",)).write(tmp_path / "odd.fmu"), table)
