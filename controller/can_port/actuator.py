@@ -8,7 +8,8 @@
     FAULT         steering angle not measurable  hold the angle and stop, for good
 
 A command is accepted if its channel lets it through (see `channel`) and it is plausible: mode, enable and angle
-agree, and the angle is not farther from the last one than the rate limit allows.
+agree, the angle is not farther from the last one than the rate limit allows, and the state that it answers, if it
+says which, was sent lately and goes on from the last one.
 """
 
 from collections.abc import Iterable
@@ -16,8 +17,9 @@ from dataclasses import dataclass
 from math import inf, isfinite
 
 from sidestep.controller.can_port.bus.channel import Channel
-from sidestep.controller.can_port.codec.database import ProtectedMessage
+from sidestep.controller.can_port.codec.database import CYCLE, ProtectedMessage
 from sidestep.controller.can_port.codec.messages import (
+    ANSWERS,
     MAX_ANGLE,
     MAX_RATE_LIMIT,
     STEER_CMD,
@@ -26,8 +28,12 @@ from sidestep.controller.can_port.codec.messages import (
     SteerStatus,
     decode_steer_command,
 )
+from sidestep.controller.can_port.codec.samples import sample_number
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
+
+OLDEST_ANSWER = 0.3
+"""Age from which on a state is too old for a command that answers it to be followed, in [s]."""
 
 _INSTANT = 1e-9  # two times closer than this are the same, in [s]
 
@@ -76,6 +82,7 @@ class Actuator:
         self.report: SteerStatus | None = None
         self.channel = Channel(message)
         self.implausible = 0
+        self._slowness = max(1.0, message.cycle / CYCLE)
         self._frame: SteerFrame | None = None  # the last accepted one
         self._target = 0.0
         self._last: VehicleState | None = None
@@ -98,6 +105,16 @@ class Actuator:
         return self._command(vehicle)
 
     @property
+    def active_age(self) -> float:
+        """Oldest command that is followed, in [s]: that of the limits, longer for a message that comes more seldom."""
+        return self.config.active_age * self._slowness
+
+    @property
+    def hold_age(self) -> float:
+        """Oldest command that is held, in [s]; likewise."""
+        return self.config.hold_age * self._slowness
+
+    @property
     def asked(self) -> SteeringCommand | None:
         """The last accepted command, limited by nothing; None before the first."""
         return self._frame.command if self._frame else None
@@ -111,11 +128,16 @@ class Actuator:
                 self.implausible += 1
 
     def _can_be_next(self, frame: SteerFrame) -> bool:
-        """Whether the angle can have come so far; `hold_age` more, for frames that waited on their way."""
+        """Whether it answers what was sent lately and the angle can have come so far.
+
+        `hold_age` more than the time between them, for frames that waited on their way.
+        """
         last = self._frame
+        if not _answers_lately(frame, last, self.hold_age):
+            return False
         if last is None or not (last.enable and frame.enable):
             return True
-        elapsed = frame.command.time - last.command.time + self.config.hold_age
+        elapsed = frame.command.time - last.command.time + self.hold_age
         return abs(frame.command.steer_angle - last.command.steer_angle) <= elapsed * last.rate_limit
 
     def _next_state(self, vehicle: VehicleState) -> ActuatorState:
@@ -124,9 +146,9 @@ class Actuator:
         if self._frame is None:
             return ActuatorState.INIT
         age = vehicle.time - self._frame.command.time - _INSTANT
-        if age <= self.config.active_age:
+        if age <= self.active_age:
             return ActuatorState.ACTIVE if self._frame.enable else ActuatorState.STANDBY
-        return ActuatorState.HOLD if age <= self.config.hold_age else ActuatorState.RAMP_TO_ZERO
+        return ActuatorState.HOLD if age <= self.hold_age else ActuatorState.RAMP_TO_ZERO
 
     def _next_target(self, elapsed: float) -> float:
         """Angle to go to, in [rad]."""
@@ -155,3 +177,16 @@ class Actuator:
 def _towards(goal: float, start: float, reach: float) -> float:
     """`start` moved towards `goal` by `reach` at most."""
     return start + min(max(goal - start, -reach), reach)
+
+
+def _answers_lately(frame: SteerFrame, last: SteerFrame | None, hold_age: float) -> bool:
+    """Whether the state that a command answers was sent in the last `OLDEST_ANSWER`, and is as new as it can be."""
+    if frame.answers is None:
+        return True
+    now = sample_number(frame.command.time)
+    if (now - frame.answers) % ANSWERS > OLDEST_ANSWER / CYCLE:
+        return False
+    if last is None or last.answers is None:
+        return True
+    passed = now - sample_number(last.command.time) + 2.0 * hold_age / CYCLE
+    return passed >= ANSWERS or (frame.answers - last.answers) % ANSWERS <= passed

@@ -13,8 +13,8 @@ from sidestep.controller.can_port.bus.bus import Bus
 from sidestep.controller.can_port.bus.faults import FaultSpec, FaultyBus
 from sidestep.controller.can_port.bus.log import open_log
 from sidestep.controller.can_port.bus.pacing import Pacer
-from sidestep.controller.can_port.codec.database import Frame, Protection, messages
-from sidestep.controller.can_port.nodes import CYCLE, ControllerNode
+from sidestep.controller.can_port.codec.database import CYCLE, Frame, Protection, messages
+from sidestep.controller.can_port.nodes import ControllerNode
 
 
 class Link(Protocol):
@@ -72,7 +72,7 @@ class RealTimeLink:
         self._fd = protection == "P05"
         own = [message.frame_id for message in messages(protection).values() if message.sender in senders]
         with ExitStack() as resources:
-            self._bus = resources.enter_context(Bus(spec, own, False, self._fd, allow_real_bus))
+            self._bus = resources.enter_context(Bus(spec, own, False, self._fd, allow_real_bus, everything=True))
             self._log = resources.enter_context(open_log(log)) if log else None
             self._resources = resources.pop_all()
 
@@ -82,13 +82,14 @@ class RealTimeLink:
 
     def receive(self) -> list[Frame]:
         """Take in every frame that waits."""
-        arrived, now = self._bus.drain(), self.pacer.now()
-        if self._follows and arrived:
-            self.pacer.follow(now - (time.time() - arrived[0].timestamp))
+        arrived, now, clock = self._bus.drain(), self.pacer.now(), time.time()
+        ours = [message for message in arrived if self._bus.is_ours(message)]
+        if self._follows and ours:
+            self.pacer.follow(now - (clock - ours[0].timestamp))
             self._follows = False
-        for message in arrived:
-            self._record(message, now, is_rx=True)
-        return [(message.arbitration_id, bytes(message.data)) for message in arrived]
+        for message in arrived:  # stamped with when it came, not with when it was taken in
+            self._record(message, now - max(0.0, clock - message.timestamp), is_rx=True)
+        return [(message.arbitration_id, bytes(message.data)) for message in ours]
 
     def send(self, frames: Iterable[Frame]) -> None:
         """Send frames; those that the bus does not take are counted and gone."""
@@ -102,12 +103,21 @@ class RealTimeLink:
                 self.refused += 1
 
     def begin(self) -> None:
-        """Figures of the deadlines count from here."""
+        """Figures count from here."""
         self.pacer.begin()
+        self._bus.strangers = self._bus.error_frames = 0
+
+    @property
+    def strangers(self) -> int:
+        """Frames that came from elsewhere under an identifier of this node."""
+        return self._bus.strangers
 
     def statistics(self, until: float = inf) -> dict[str, Any]:
         """Figures of the bus, and of the deadlines up to `until`, in [s]."""
-        bus = {"interface": self._bus.spec, "sent": self.sent, "refused": self.refused}
+        bus = {
+            "interface": self._bus.spec, "sent": self.sent, "refused": self.refused,
+            "strangers": self.strangers, "error_frames": self._bus.error_frames,
+        }  # fmt: skip
         return {**bus, **self.pacer.statistics(until)}
 
     def close(self) -> None:

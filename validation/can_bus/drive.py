@@ -19,10 +19,11 @@ from sidestep.controller import SteeringController
 from sidestep.controller.can_port.actuator import ActuatorConfig
 from sidestep.controller.can_port.bus.bus import resolve_spec
 from sidestep.controller.can_port.bus.faults import FaultSpec
-from sidestep.controller.can_port.codec.database import Protection, messages
+from sidestep.controller.can_port.codec.database import CYCLE, Protection, messages
 from sidestep.controller.can_port.codec.messages import ActuatorState, QpStatus
+from sidestep.controller.can_port.findings import Finding, findings
 from sidestep.controller.can_port.link import Link, RealTimeLink, VirtualTimeLink
-from sidestep.controller.can_port.nodes import CYCLE, ControllerNode, VehicleNode
+from sidestep.controller.can_port.nodes import ControllerNode, VehicleNode
 from sidestep.controller.steering import FEASIBLE_SLACK
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.plant import Plant
@@ -86,6 +87,7 @@ class FarController:
             now = self._cycle(state, valid=actuator.state is ActuatorState.STANDBY)
             if actuator.state is ActuatorState.ACTIVE:
                 self.link.begin()
+                self.node.watch.begin(now)
                 return now
         raise InputError("can", f"no controller answers within {PATIENCE:g} s", "sidestep can drive on the same bus")
 
@@ -137,11 +139,13 @@ class VirtualRun:
     Attributes:
         recording: What happened.
         vehicle, controller: The two nodes afterwards.
+        findings: What a verdict has to name.
     """
 
     recording: Recording
     vehicle: VehicleNode
     controller: ControllerNode
+    findings: tuple[Finding, ...]
 
 
 def drive_virtual(
@@ -164,7 +168,7 @@ def drive_virtual(
     far = ControllerNode(controller or _controller(scenario), catalogue)
     vehicle = VehicleNode(catalogue, _actuator(scenario))
     recording = drive_over(VirtualTimeLink(far, faults, protection), vehicle, plant, scenario)
-    return VirtualRun(recording, vehicle, far)
+    return VirtualRun(recording, vehicle, far, findings(vehicle.watch.record()))
 
 
 def run_plant(
@@ -191,8 +195,11 @@ def run_plant(
             link = RealTimeLink(resolve_spec(can, True), _VEHICLE, protection, folder / log, allow_real_bus)
         with link, _undisturbed():
             recording = drive_over(link, node, plant, scenario, progress)
-    judgement = judge(recording, scenario)
-    frames = {**link.statistics(), "lost": node.actuator.channel.receiver.lost, **_counts(node)}
+            link.send(node.leave())
+    record = node.watch.record(link.strangers)
+    found = findings(record)
+    judgement = judge(recording, scenario).beside(found)
+    frames = {**link.statistics(), **record.as_dict(), "findings": [finding._asdict() for finding in found]}
     summary = summarise(scenario, recording, judgement, can=frames, coupling="over the bus", command_line=command_line)
     return Run(scenario, recording, judgement, summary, folder)
 
@@ -246,7 +253,7 @@ def _serve(link: RealTimeLink, node: ControllerNode) -> tuple[bool, float]:
         except KeyboardInterrupt:
             interrupted = True
         finally:
-            link.send(node.leave(now))
+            link.send(node.leave())
     return interrupted, used / max(CYCLE, (node.heard or 0.0) - began[0]) if began else 0.0
 
 
@@ -256,11 +263,6 @@ def _controller(scenario: Scenario) -> SteeringController:
 
 def _actuator(scenario: Scenario) -> ActuatorConfig:
     return ActuatorConfig(angle_limit=scenario.vehicle.steer_limit)
-
-
-def _counts(node: VehicleNode) -> dict[str, Any]:
-    checks = {status.value: count for status, count in node.actuator.channel.receiver.counts.items()}
-    return {"checks": checks, "implausible": node.actuator.implausible}
 
 
 @contextmanager

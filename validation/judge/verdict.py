@@ -4,10 +4,12 @@ Nothing of the controller is used here: the car is its outline at the plant's po
 carried into the world by the reference path, and shapely measures between them.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sidestep.controller.can_port.findings import Finding, Verdict, verdict_of
 from sidestep.validation.judge.geometry import Array, car_boxes, edge_clearance, obstacle_boxes, signed_clearance
 from sidestep.validation.loop.recording import End, Recording
 from sidestep.validation.scenarios.scenario import Scenario
@@ -36,11 +38,19 @@ class Judgement:
     time: float | None
     s: float | None
     min_edge_clearance: float
+    bus: Verdict = "pass"
+
+    def beside(self, found: Sequence[Finding]) -> "Judgement":
+        """The judgement of a drive over a bus on which this was found; what the car did wrong goes before."""
+        if not found or not self.passed:
+            return self
+        label = found[0].label if verdict_of(found) != "pass" else f"{self.label}, {found[0].label}"
+        return replace(self, label=label, bus=verdict_of(found))
 
     @property
     def passed(self) -> bool:
         """Whether the car drove its time, or to the road's end, or stopped by itself, without touching anything."""
-        return self.label in ("ok", "infeasible, handled")
+        return self.bus == "pass" and self.label.startswith(("ok", "infeasible, handled"))
 
 
 def judge(recording: Recording, scenario: Scenario) -> Judgement:

@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from sidestep.controller.can_port.port import SteeringPort
+from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.validation.files import made
 from sidestep.validation.judge.summary import summarise
 from sidestep.validation.judge.verdict import Judgement, judge
 from sidestep.validation.loop.closed_loop import open_controller
-from sidestep.validation.loop.cosimulation import PLANT_STEP, Coupling, cosimulate
+from sidestep.validation.loop.cosimulation import PLANT_STEP, Controller, Coupling, cosimulate
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import End, Recording
 from sidestep.validation.report.film import film
@@ -81,13 +82,45 @@ def drive(
         with made(folder):
             log = folder / "can.blf"
             log.unlink(missing_ok=True)
-            port = SteeringPort(can, log, scenario.vehicle.steer_rate_limit, allow_real_bus)
+            behind = int(coupling == "one-step-delay")
+            port = SteeringPort(can, log, scenario.vehicle.steer_rate_limit, allow_real_bus, behind=behind)
         with port:
-            recording = cosimulate(controller, plant, scenario, port, coupling, _all(show, shoot, progress))
-    judgement = judge(recording, scenario)
-    frames = {"sent": port.sent, "lost": port.lost, "interface": port.interface}
+            told = Announced(controller, port.announce)
+            recording = cosimulate(told, plant, scenario, port, coupling, _all(show, shoot, progress))
+    found = port.findings()
+    judgement = judge(recording, scenario).beside(found)
+    frames = {
+        "sent": port.sent, "lost": port.lost, "strangers": port.strangers, "interface": port.interface,
+        "findings": [finding._asdict() for finding in found],
+    }  # fmt: skip
     summary = summarise(scenario, recording, judgement, can=frames, coupling=coupling, command_line=command_line)
     return Run(scenario, recording, judgement, summary, folder)
+
+
+class Announced:
+    """A controller whose every state is told to somebody first.
+
+    Args:
+        controller: The controller.
+        announce: Called with the state.
+    """
+
+    def __init__(self, controller: Controller, announce: Callable[[VehicleState], None]):
+        self._controller, self._announce = controller, announce
+
+    @property
+    def plan(self) -> Any:
+        """The controller's."""
+        return self._controller.plan
+
+    def reset(self) -> None:
+        """Reset the controller."""
+        self._controller.reset()
+
+    def step(self, state: VehicleState) -> SteeringCommand:
+        """Tell the state, then step the controller."""
+        self._announce(state)
+        return self._controller.step(state)
 
 
 def _all(*calls: Callable[[float], None] | None) -> Callable[[float], None]:

@@ -19,8 +19,14 @@ from sidestep.controller.can_port.protection.e2e import Profile, Profile2, Profi
 DBC = Path(__file__).parents[1] / "steer.dbc"
 """The database file, the one description of every message."""
 
+CYCLE = 0.01
+"""Time between two cycles of a node, in [s]: that of every message but CTRL_STATUS."""
+
 Frame = tuple[int, bytes]
 """Identifier and data."""
+
+EXACT = "STATE_EXACT"
+"""Name of the message that is in logs only."""
 
 Protection = Literal["P02", "P05", "none"]
 """AUTOSAR E2E Profile 2 on classic CAN, Profile 5 on CAN FD, or nothing."""
@@ -64,6 +70,7 @@ class ProtectedMessage:
         profile: End-to-end protection.
         signals: Every signal behind the protection header.
         sender: Name of the node that sends it.
+        tied: Whether its alive counter is that of the sample or command it belongs to.
     """
 
     name: str
@@ -73,6 +80,7 @@ class ProtectedMessage:
     profile: Profile
     signals: tuple[PackedSignal, ...]
     sender: str
+    tied: bool = True
 
     def encode(self, values: Mapping[str, float], counter: int) -> bytes:
         """Protected frame that carries `values`.
@@ -130,8 +138,9 @@ class ProtectedMessage:
 
 @cache
 def messages(protection: Protection = "P02") -> dict[str, ProtectedMessage]:
-    """The messages of steer.dbc by name."""
-    return {message.name: _protected(message, protection) for message in load_dbc(protection).messages}
+    """The protected messages of steer.dbc by name: those that travel."""
+    travelling = (message for message in load_dbc(protection).messages if message.name != EXACT)
+    return {message.name: _protected(message, protection) for message in travelling}
 
 
 def load_dbc(protection: Protection = "P02") -> Database:
@@ -139,6 +148,8 @@ def load_dbc(protection: Protection = "P02") -> Database:
     database = cantools.database.load_file(DBC)
     assert isinstance(database, Database)
     for message in database.messages:
+        if message.name == EXACT:
+            continue
         if protection == "P05":
             _lengthen(message)
         elif protection == "none":

@@ -9,9 +9,9 @@ import pytest
 from frames import assert_same_but_quantised, slalom
 
 from sidestep.controller.can_port.bus.bus import Bus
-from sidestep.controller.can_port.codec.database import load_dbc
+from sidestep.controller.can_port.codec.database import CYCLE, load_dbc
 from sidestep.controller.can_port.codec.messages import STEER_CMD, decode_steer_command, encode_steer_command
-from sidestep.controller.can_port.port import CYCLE, SteeringPort
+from sidestep.controller.can_port.port import SteeringPort
 from sidestep.controller.can_port.protection.e2e import CheckStatus
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import Status, SteeringCommand
