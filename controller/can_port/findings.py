@@ -117,8 +117,8 @@ class CommandWatch:
         message = self.actuator.channel.message
         counters = [(message.profile.counter_of(data), bytes(data)) for data in commands]
         intact = [(counter, data) for counter, data in counters if counter is not None]
-        self._surplus = max(self._surplus - passed * CYCLE / message.cycle, -_BURST) + len(intact)
-        twofold = message.profile.counters > 1 and len(set(intact)) > len({counter for counter, _ in intact})
+        self._surplus = max(self._surplus - passed * CYCLE / message.cycle + len(intact), -_BURST)
+        twofold = len(intact) < message.profile.counters and len(set(intact)) > len({counter for counter, _ in intact})
         if self._surplus > _BURST or twofold:
             self.several_senders = True
         self._states[self.actuator.state] += 1

@@ -163,7 +163,8 @@ def test_reserved_bits_are_those_that_nothing_uses(protection):
         assert not int.from_bytes(full, "little") & message.reserved
         bits = sum(s.length for s in load_dbc(protection).get_message_by_name(name).signals)
         assert message.reserved.bit_count() == 8 * message.length - bits
-    assert messages()["STEER_CMD"].reserved == 0x3F << 58
+    assert messages()["STEER_CMD"].reserved == 0
+    assert messages()["VEH_POS"].reserved == 7 << 13
 
 
 # --- protection
@@ -175,11 +176,11 @@ def test_crc_is_the_catalogued_one():
 
 def test_frame_computed_by_hand():
     data = m.encode_steer_command(SteeringCommand(0.0, 0.1, 15.0, Status.DEGRADED), counter=5, rate_limit=0.5)
-    # counter 5, mode 2, enable 1 | 2000 steps | 100 steps, 1500 steps << 10, status 1 << 24
-    payload = bytes([0x05 | 2 << 4 | 1 << 7, 0xD0, 0x07, 0x64, 0x70, 0x17, 0x01])
+    # counter 5, mode 2, enable 1 | 2000 steps | 100 steps, 1500 steps << 10, status 1 << 24, answers what is not known
+    payload = bytes([0x05 | 2 << 4 | 1 << 7, 0xD0, 0x07, 0x64, 0x70, 0x17, 0x01 | 63 << 2])
     data_id = bytes.fromhex("084b8ed1195c9fe22a6db0f33b7ec109")[5]
     assert data == bytes([crc8_h2f(payload + bytes([data_id]))]) + payload
-    assert data.hex() == "efa5d00764701701"
+    assert data[1:].hex() == "a5d007647017fd"
 
 
 @by_name
@@ -272,6 +273,7 @@ def test_implausible_intact_frames_are_not_enabled():
         "SteerCmd_RateLimit": 1.0,
         "SteerCmd_TargetSpeed": 15.0,
         "SteerCmd_Status": 0,
+        "SteerCmd_Answers": 0.2,
     }
     dbc = load_dbc().get_message_by_name("STEER_CMD")
 
