@@ -5,7 +5,7 @@ fell silent, a second one on the same bus, commands out of sequence, time spent 
 """
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from typing import Any, Literal, NamedTuple
@@ -22,7 +22,6 @@ FAIL_SAFE = (ActuatorState.STANDBY, ActuatorState.RAMP_TO_ZERO, ActuatorState.FA
 """States in which the actuator does not do what the controller asks for, but what is safe."""
 
 _BURST = 20.0  # frames that may come at once after as many cycles without one, or be too many
-_RANK: tuple[Verdict, ...] = ("fail", "inconclusive", "pass")
 
 
 class Finding(NamedTuple):
@@ -164,10 +163,3 @@ def findings(record: CommandRecord) -> tuple[Finding, ...]:
         (held > 0.0, "commands bridged", "pass", f"last command held for {held:.2f} s"),
     )  # fmt: skip
     return tuple(Finding(label, verdict, text) for there, label, verdict, text in found if there)
-
-
-def verdict_of(found: Sequence[Finding]) -> Verdict:
-    """The best verdict that a drive with these findings can have."""
-    verdicts = {finding.verdict for finding in found}
-    ranked: Iterator[Verdict] = (verdict for verdict in _RANK if verdict in verdicts)
-    return next(ranked, "pass")

@@ -18,14 +18,17 @@ from sidestep.plant_models.errors import InputError
 from sidestep.validation.campaigns.campaign import Campaign, Case, cases, scenario_of
 from sidestep.validation.campaigns.journal import Row, open_journal, read_journal
 from sidestep.validation.cli.console import progress_bar
+from sidestep.validation.judge.simulate import simulate
 from sidestep.validation.judge.summary import versions
 from sidestep.validation.judge.verdict import Judgement
-from sidestep.validation.loop.closed_loop import simulate
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.scenarios.scenario import Scenario
 
 ERROR = "error"
 """Label of a case that could not be run; its row says why."""
+
+FORMAT = 2
+"""Of the rows: since 2 they hold a verdict of three instead of `passed`."""
 
 _AHEAD = "2 * n_jobs"
 _SUSPECTS = 4
@@ -47,7 +50,7 @@ def figures(scenario: Scenario, recording: Recording, judgement: Judgement) -> R
     """What a row keeps of a run; `margin_m` is the smaller one of the clearances to obstacles and edges."""
     gap, edge = judgement.min_clearance, judgement.min_edge_clearance
     row = {
-        "passed": judgement.passed,
+        "verdict": judgement.verdict.value,
         "label": judgement.label,
         "end": recording.end.value,
         "margin_m": edge if gap is None else min(gap, edge),
@@ -65,7 +68,7 @@ def figures(scenario: Scenario, recording: Recording, judgement: Judgement) -> R
 
 def failure(case: Case, error: str) -> Row:
     """The row of a case that could not be run."""
-    return {**asdict(case), "passed": False, "label": ERROR, "end": ERROR, "margin_m": None, "error": error}
+    return {**asdict(case), "verdict": "fail", "label": ERROR, "end": ERROR, "margin_m": None, "error": error}
 
 
 def _peak(values: np.ndarray) -> float:
@@ -109,6 +112,8 @@ def load_rows(file: Path) -> tuple[Campaign, list[Row]]:
         InputError: It is none, or not a campaign's.
     """
     head, rows = read_journal(file)
+    if "campaign" in head and head.get("format") != FORMAT:
+        raise InputError(str(file), f"has rows of another form than {FORMAT}", "one that this version wrote")
     try:
         return msgspec.convert({**head["campaign"], "file": head["about"]["file"]}, Campaign), rows
     except (KeyError, msgspec.ValidationError) as error:
@@ -122,7 +127,11 @@ def about(campaign: Campaign) -> dict[str, str]:
 
 def _head(campaign: Campaign) -> Row:
     specification = msgspec.to_builtins(campaign)
-    return {"campaign": {**specification, "file": ""}, "about": {"file": campaign.file, "versions": versions()}}
+    return {
+        "format": FORMAT,
+        "campaign": {**specification, "file": ""},
+        "about": {"file": campaign.file, "versions": versions()},
+    }
 
 
 @contextmanager

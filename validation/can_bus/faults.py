@@ -32,6 +32,7 @@ from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
 from sidestep.validation.can_bus.drive import drive_over
 from sidestep.validation.cli.console import progress_bar
 from sidestep.validation.judge.verdict import judge
+from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import End, Recording
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario
@@ -301,10 +302,7 @@ def _outcomes(cases: list[tuple[Scenario, FaultSpec]]) -> Iterator[Outcome]:
         for scenario, faults in cases:
             name = f"{scenario.name} {scenario.plant.kind}"
             if name not in kept:
-                controller = SteeringController(
-                    scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller
-                )
-                kept[name] = open_plant(scenario), controller
+                kept[name] = open_plant(scenario), bare_controller(scenario)
             yield drive_case(scenario, faults, *kept[name])
     finally:
         for plant, _ in kept.values():

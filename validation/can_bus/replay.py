@@ -26,6 +26,7 @@ from sidestep.controller.can_port.nodes import Steering
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.validation.files import made, written_to
+from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.loop.recording import Array, write_columns
 from sidestep.validation.report.style import BLUE, ORANGE, RED, legend, panel, styled, write_figure
 from sidestep.validation.scenarios.scenario import load_scenario
@@ -57,8 +58,7 @@ def what_if(log: Path, name: str, out: Path, protection: Protection = "P02") -> 
         InputError: Log, scenario or folder cannot be used.
     """
     scenario = load_scenario(name)
-    controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
-    columns, missing = compare(_read(log), controller, protection)
+    columns, missing = compare(_read(log), bare_controller(scenario), protection)
     if not len(columns["time"]):
         allowed = "a log of both nodes, as `sidestep can drive` writes one, with the same protection"
         raise InputError(str(log), "never has both a state to steer by and a command that answers it", allowed)

@@ -33,6 +33,7 @@ class PlantSettings:
         noise: Of the state that the controller gets, in multiples of `measurement.NOISE`; the judge sees the true one.
         noise_seed: Of that noise.
         measured_offset: By which that state lies to the left of where the car is, in [m].
+        accept_start: Drive a plant that does not start where it is put from where it does; refused otherwise.
         isolate: Time limit of a step of an FMU that runs in a process of its own, in [s]; 0 to run it here.
     """
 
@@ -52,6 +53,7 @@ class PlantSettings:
     noise_seed: Annotated[int, Meta(ge=0)] = 0
     measured_offset: float = 0.0
     isolate: NotNegative = 0.0
+    accept_start: bool = False
 
     @property
     def name(self) -> str:

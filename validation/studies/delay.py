@@ -14,11 +14,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from sidestep.controller import SteeringController
 from sidestep.validation.files import made, written_to
-from sidestep.validation.loop.cosimulation import cosimulate
+from sidestep.validation.loop.closed_loop import closed_loop
 from sidestep.validation.loop.delay_line import DelayLine
-from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import End, Recording
 from sidestep.validation.report.style import BLUE, RED, panel, styled, write_figure
 from sidestep.validation.scenarios.scenario import Scenario, parse_scenario
@@ -106,10 +104,8 @@ def scene(period: float, steps: int, compensated: bool, plant: str, overrides: S
 
 def drive(scenario: Scenario, steps: int) -> Recording:
     """The run with a delay of `steps` control periods: the first by the coupling, the others on the bus."""
-    controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
     bus = DelayLine((steps - 1) * scenario.controller.period)
-    with open_plant(scenario) as plant:
-        return cosimulate(controller, plant, scenario, bus, "one-step-delay")
+    return closed_loop(scenario, port=bus, coupling="one-step-delay")
 
 
 def figure(runs: dict[tuple[float, int, bool], Recording]) -> Figure:

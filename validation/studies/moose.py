@@ -17,12 +17,11 @@ from pathlib import Path
 
 from rich.table import Table
 
-from sidestep.controller import SteeringController
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.validation.cli.console import number
 from sidestep.validation.files import made
 from sidestep.validation.judge.verdict import judge
-from sidestep.validation.loop.cosimulation import cosimulate
+from sidestep.validation.loop.closed_loop import closed_loop
 from sidestep.validation.loop.delay_line import DelayLine
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario
@@ -200,13 +199,12 @@ def rolling(scenario: Scenario) -> Scenario:
 
 def drive(scenario: Scenario, delay: float = 0.0) -> Drive:
     """Through the lanes once, rolling."""
-    controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
     with open_plant(rolling(scenario)) as plant:
-        recording = cosimulate(controller, plant, scenario, DelayLine(delay))
+        recording = closed_loop(scenario, plant, port=DelayLine(delay))
     judgement = judge(recording, scenario)
     out = recording["s"][-1] - scenario.vehicle.rear_extent > ENTRY + sum(SECTIONS)
     clearance = judgement.min_clearance if judgement.min_clearance is not None else math.inf
-    return Drive(judgement.passed and bool(out), clearance, float(abs(recording["lateral_acceleration"]).max()))
+    return Drive(not judgement.touched and bool(out), clearance, float(abs(recording["lateral_acceleration"]).max()))
 
 
 def highest(clean: Callable[[float], bool]) -> tuple[float, float]:

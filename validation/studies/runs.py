@@ -7,14 +7,17 @@ from pathlib import Path
 from typing import Any
 
 from sidestep.controller.can_port.port import SteeringPort
-from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.validation.files import made
+from sidestep.validation.judge.findings import for_the_judge
 from sidestep.validation.judge.summary import summarise
 from sidestep.validation.judge.verdict import Judgement, judge
-from sidestep.validation.loop.closed_loop import open_controller
-from sidestep.validation.loop.cosimulation import PLANT_STEP, Controller, Coupling, cosimulate
+from sidestep.validation.loop.announced import Announced
+from sidestep.validation.loop.closed_loop import bare_controller
+from sidestep.validation.loop.cosimulation import PLANT_STEP, Coupling, cosimulate
+from sidestep.validation.loop.measurement import sensed
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import End, Recording
+from sidestep.validation.loop.start import reset_to
 from sidestep.validation.report.film import film
 from sidestep.validation.report.viewer import viewer
 from sidestep.validation.scenarios.scenario import Scenario
@@ -69,58 +72,34 @@ def drive(
         render: Film of MuJoCo's car to write, .gif or .mp4.
 
     Raises:
-        InputError: Plant, bus or folder cannot be used; nothing is left behind then.
+        InputError: Plant, bus or folder cannot be used, or the plant does not start where it is put; nothing is left
+            behind then.
         PlantError: The plant cannot be built or cannot start.
     """
-    controller = open_controller(scenario)
+    told = Announced(bare_controller(scenario))
+    controller = sensed(told, scenario)
     with (
         open_plant(scenario) as plant,
         viewer(plant, scenario, controller) if view else nullcontext() as show,
         film(plant, render, scenario, controller) if render else nullcontext() as shoot,
     ):
-        plant.step(controller.step(plant.reset(scenario.start)), PLANT_STEP)  # load the kernels before the clock runs
+        start, _ = reset_to(plant, scenario.start, scenario.plant)  # refused here, before anything is written
+        plant.step(controller.step(start), PLANT_STEP)  # load the kernels before the clock runs
         with made(folder):
             log = folder / "can.blf"
             log.unlink(missing_ok=True)
             behind = int(coupling == "one-step-delay")
             port = SteeringPort(can, log, scenario.vehicle.steer_rate_limit, allow_real_bus, behind=behind)
         with port:
-            told = Announced(controller, port.announce)
-            recording = cosimulate(told, plant, scenario, port, coupling, _all(show, shoot, progress))
-    found = port.findings()
-    judgement = judge(recording, scenario).beside(found)
+            told.announce = port.announce
+            recording = cosimulate(controller, plant, scenario, port, coupling, _all(show, shoot, progress))
+    found = for_the_judge(port.findings())
+    judgement = judge(recording, scenario, found)
     frames = {
         "sent": port.sent, "lost": port.lost, "strangers": port.strangers, "interface": port.interface,
-        "findings": [finding._asdict() for finding in found],
     }  # fmt: skip
     summary = summarise(scenario, recording, judgement, can=frames, coupling=coupling, command_line=command_line)
     return Run(scenario, recording, judgement, summary, folder)
-
-
-class Announced:
-    """A controller whose every state is told to somebody first.
-
-    Args:
-        controller: The controller.
-        announce: Called with the state.
-    """
-
-    def __init__(self, controller: Controller, announce: Callable[[VehicleState], None]):
-        self._controller, self._announce = controller, announce
-
-    @property
-    def plan(self) -> Any:
-        """The controller's."""
-        return self._controller.plan
-
-    def reset(self) -> None:
-        """Reset the controller."""
-        self._controller.reset()
-
-    def step(self, state: VehicleState) -> SteeringCommand:
-        """Tell the state, then step the controller."""
-        self._announce(state)
-        return self._controller.step(state)
 
 
 def _all(*calls: Callable[[float], None] | None) -> Callable[[float], None]:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from stored_runs import drive, stored
 
 from sidestep.validation.cli.main import main
-from sidestep.validation.loop.closed_loop import simulate
+from sidestep.validation.judge.simulate import simulate
 from sidestep.validation.report.compare.golden import TIME_TOLERANCE, check, funnel, read_golden, record
 from sidestep.validation.scenarios.scenario import load_scenario
 
