@@ -157,9 +157,40 @@ def findings(record: CommandRecord) -> tuple[Finding, ...]:
          f"no command for the last {record.silent_at_end:.2f} s"),
         (record.implausible > 0, "implausible commands", "inconclusive",
          f"{record.implausible} intact commands that cannot have been meant"),
+        (record.fail_safe > 0.0, "fail-safe", "fail", f"actuator in fail-safe for {record.fail_safe:.2f} s"),
         (wrong > 0, "wrong sequence", "inconclusive", f"{wrong} commands out of sequence"),
         (corrupt > 0, "corrupt commands", "inconclusive", f"{corrupt} commands with a wrong CRC or length"),
-        (record.fail_safe > 0.0, "fail-safe", "fail", f"actuator in fail-safe for {record.fail_safe:.2f} s"),
         (held > 0.0, "commands bridged", "pass", f"last command held for {held:.2f} s"),
+    )  # fmt: skip
+    return tuple(Finding(label, verdict, text) for there, label, verdict, text in found if there)
+
+
+@dataclass(frozen=True)
+class StateRecord:
+    """What the controller's end saw of the vehicle, while it steered.
+
+    Attributes:
+        left: Whether the vehicle said that it leaves before it fell silent.
+        stale: Time with nothing to steer by between states, in [s].
+        checks: Outcomes of the frame checks of all its messages.
+        strangers: Frames that came from elsewhere under an identifier of this node.
+    """
+
+    left: bool
+    stale: float
+    checks: Mapping[CheckStatus, int]
+    strangers: int = 0
+
+
+def state_findings(record: StateRecord) -> tuple[Finding, ...]:
+    """What the controller's end has to name, causes before what follows from them."""
+    wrong, corrupt = record.checks.get(CheckStatus.WRONGSEQUENCE, 0), record.checks.get(CheckStatus.ERROR, 0)
+    found: tuple[tuple[bool, str, Verdict, str], ...] = (
+        (record.strangers > 0, "second sender", "inconclusive",
+         f"{record.strangers} frames from elsewhere under identifiers of the controller"),
+        (not record.left, "vehicle silent", "fail", "the vehicle fell silent and had not said that it leaves"),
+        (record.stale > 0.0, "nothing to steer by", "fail", f"no usable state for {record.stale:.2f} s on the way"),
+        (wrong > 0, "wrong sequence", "inconclusive", f"{wrong} frames out of sequence"),
+        (corrupt > 0, "corrupt frames", "inconclusive", f"{corrupt} frames with a wrong CRC or length"),
     )  # fmt: skip
     return tuple(Finding(label, verdict, text) for there, label, verdict, text in found if there)

@@ -7,6 +7,7 @@ Neither waits for the other: every cycle has its frames. While its input is olde
 VALID, the controller sends enable = 0 and asks to stop.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -26,7 +27,7 @@ from sidestep.controller.can_port.codec.messages import (
     encode_steer_status,
 )
 from sidestep.controller.can_port.codec.samples import VEHICLE_STATE, encode_vehicle_state
-from sidestep.controller.can_port.findings import CommandWatch
+from sidestep.controller.can_port.findings import CommandWatch, StateRecord
 from sidestep.controller.can_port.listener import Sample, StateListener
 from sidestep.controller.can_port.protection.e2e import ACCEPTED, CheckStatus, Receiver
 from sidestep.controller.plan import Plan
@@ -89,6 +90,7 @@ class ControllerNode:
     Attributes:
         listener: The vehicle's state as received.
         stale_cycles: Cycles since the first state in which there was nothing to steer by.
+        gap_cycles: Those of them after which there was again.
         heard: Time of the last cycle in which there was, in [s]; None before the first.
     """
 
@@ -98,7 +100,7 @@ class ControllerNode:
         literal = controller.config.formulation == "paper"  # its angle is free to jump
         self._rate_limit = MAX_RATE_LIMIT if literal else controller.vehicle.steer_rate_limit
         self.listener = StateListener(catalogue)
-        self.stale_cycles = 0
+        self.stale_cycles = self.gap_cycles = 0
         self.heard: float | None = None
         self._cycle = 0
 
@@ -115,12 +117,21 @@ class ControllerNode:
         self.listener.take(time, frames)
         sample = self.listener.sample if self.listener.fresh(time) else None
         if sample:
-            self.heard = time
+            self.heard, self.gap_cycles = time, self.stale_cycles
             return self._answer(self._steering.answer(sample), sample)
         if self._steering.has_begun:
             self.stale_cycles += 1
             self._steering.pause()
         return self._answer(_STOP)
+
+    def record(self, strangers: int = 0) -> StateRecord:
+        """What there is to say of the vehicle.
+
+        Args:
+            strangers: Frames from elsewhere under an identifier of this node.
+        """
+        checks = sum((Counter(channel.receiver.counts) for channel in self.listener.channels.values()), Counter())
+        return StateRecord(not self.listener.said_valid, self.gap_cycles * CYCLE, checks, strangers)
 
     def leave(self) -> list[Frame]:
         """The last frames: enable = 0."""

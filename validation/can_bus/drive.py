@@ -21,7 +21,7 @@ from sidestep.controller.can_port.bus.bus import resolve_spec
 from sidestep.controller.can_port.bus.faults import FaultSpec
 from sidestep.controller.can_port.codec.database import CYCLE, Protection, messages
 from sidestep.controller.can_port.codec.messages import ActuatorState, QpStatus
-from sidestep.controller.can_port.findings import Finding, findings
+from sidestep.controller.can_port.findings import Finding, findings, state_findings
 from sidestep.controller.can_port.link import Link, RealTimeLink, VirtualTimeLink
 from sidestep.controller.can_port.nodes import ControllerNode, VehicleNode
 from sidestep.controller.steering import FEASIBLE_SLACK
@@ -30,7 +30,7 @@ from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.validation.files import made
 from sidestep.validation.interrupt import interrupts_between_steps
-from sidestep.validation.judge.findings import for_the_judge
+from sidestep.validation.judge.findings import Verdict, for_the_judge
 from sidestep.validation.judge.summary import summarise
 from sidestep.validation.judge.verdict import judge
 from sidestep.validation.loop.closed_loop import bare_controller
@@ -234,8 +234,15 @@ def run_controller(
     if node.heard is None and not interrupted:
         raise InputError("can", f"no vehicle answers within {PATIENCE:g} s", "sidestep can plant on the same bus")
     lost = sum(channel.receiver.lost for channel in node.listener.channels.values())
+    found = () if interrupted else for_the_judge(state_findings(node.record(link.strangers)))
+    worst = next((each for each in found if each.verdict is not Verdict.PASS), None)
     figures = {"lost": lost, "stale_cycles": node.stale_cycles, "processor_share": share, "interrupted": interrupted}
-    return {**link.statistics(node.heard or 0.0), **figures}
+    return {
+        **link.statistics(node.heard or 0.0), **figures,
+        "verdict": worst.verdict.value if worst else "inconclusive" if interrupted else "pass",
+        "label": worst.label if worst else "interrupted" if interrupted else "ok",
+        "findings": [{"label": f.label, "verdict": f.verdict.value, "text": f.text} for f in found],
+    }  # fmt: skip
 
 
 def _serve(link: RealTimeLink, node: ControllerNode) -> tuple[bool, float]:

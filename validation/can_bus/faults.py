@@ -123,15 +123,16 @@ def safe(outcome: Outcome) -> bool:
 
 
 def passes(outcome: Outcome) -> bool:
-    """Driven without touching anything."""
+    """Driven as asked, whatever the bus did."""
     return judge(outcome.recording, outcome.scenario).passed
 
 
 def stops(outcome: Outcome) -> bool:
-    """Zero steering and a standing car."""
+    """Zero steering and a standing car that touched nothing."""
     recording = outcome.recording
     at_rest = recording["steer_received"][-1] == recording["target_speed"][-1] == 0.0
-    return bool(at_rest) and recording.end is End.STOPPED and passes(outcome)
+    untouched = not judge(recording, outcome.scenario).touched
+    return bool(at_rest) and recording.end is End.STOPPED and untouched
 
 
 def recovers(outcome: Outcome) -> bool:

@@ -4,18 +4,20 @@ import sys
 import time
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TextIO
 
-import can
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
 from sidestep.controller.can_port.bus.bus import Bus
+from sidestep.controller.can_port.bus.candump import CandumpWriter
 from sidestep.controller.can_port.bus.channel import Channel
 from sidestep.controller.can_port.bus.log import open_log
 from sidestep.controller.can_port.codec.database import Protection, load_dbc, messages
 from sidestep.controller.can_port.protection.e2e import CheckStatus
+from sidestep.plant_models.errors import InputError
 
 _REFRESH = 0.2  # time between two tables, in [s]
 _GOOD = (CheckStatus.OK, CheckStatus.INITIAL)
@@ -74,7 +76,14 @@ def _text(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def monitor(bus: Bus, protection: Protection, duration: float | None, candump: str | None, log: Path | None) -> None:
+def monitor(
+    bus: Bus,
+    protection: Protection,
+    duration: float | None,
+    candump: str | None,
+    log: Path | None,
+    overwrite: bool = False,
+) -> None:
     """Watch a bus until `duration` is over, or for ever; the last table stays.
 
     Args:
@@ -83,17 +92,18 @@ def monitor(bus: Bus, protection: Protection, duration: float | None, candump: s
         duration: In [s]; None for ever.
         candump: File for candump's lines, "-" for the terminal instead of the table; None for none.
         log: File for the frames; None for none.
+        overwrite: Whether these files may be there already.
 
     Raises:
-        InputError: The log cannot be written.
+        InputError: A file cannot be written, or is there already.
     """
     observer, began = Observer(protection), time.monotonic()
     with ExitStack() as resources:
-        logs = [resources.enter_context(open_log(log))] if log else []
+        logs = [resources.enter_context(open_log(log, overwrite))] if log else []
         if candump == "-":
-            logs.append(can.CanutilsLogWriter(sys.stdout))
+            logs.append(CandumpWriter(sys.stdout))
         elif candump:
-            logs.append(resources.enter_context(open_log(Path(candump).with_suffix(".log"))))
+            logs.append(CandumpWriter(resources.enter_context(_new_text(Path(candump), overwrite))))
         live = None
         if candump != "-" and Console().is_terminal:
             live = resources.enter_context(Live(observer.table(), refresh_per_second=1.0 / _REFRESH))
@@ -107,12 +117,23 @@ def monitor(bus: Bus, protection: Protection, duration: float | None, candump: s
         Console(width=200).print(observer.table())
 
 
+def _new_text(path: Path, overwrite: bool) -> TextIO:
+    try:
+        return path.open("w" if overwrite else "x", encoding="ascii", newline="\n")
+    except FileExistsError as error:
+        raise InputError(str(path), "is there already", "another name, or --overwrite") from error
+    except OSError as error:
+        raise InputError(str(path), f"cannot be written: {error.strerror}") from error
+
+
 def _watch(bus: Bus, observer: Observer, logs: list, until: float) -> None:
     while (left := until - time.monotonic()) > 0.0:
         message = bus.receive(left)
         if message is None:
             return
-        observer.add(message.arbitration_id, bytes(message.data), time.monotonic())
-        message.channel = bus.spec.partition(":")[2]
+        if bus.is_ours(message):
+            observer.add(message.arbitration_id, bytes(message.data), time.monotonic())
+        if not message.channel or isinstance(message.channel, int):
+            message.channel = bus.spec.partition(":")[2]
         for log in logs:
             log.on_message_received(message)

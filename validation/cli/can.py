@@ -40,6 +40,7 @@ def add_can(commands: argparse._SubParsersAction) -> None:
     until.add_argument("--duration", type=positive_number, metavar="S", help="end after so many seconds")
     monitor.add_argument("--candump", metavar="FILE", help="write what candump -L would; - for the terminal")
     monitor.add_argument("--log", type=Path, metavar="FILE", help="log to .blf, .asc, .log or .csv")
+    monitor.add_argument("--overwrite", action="store_true", help="these files may be there already")
     monitor.set_defaults(command=_monitor)
     replay = parts.add_parser("replay", help="a log as plant on a bus, or what the controller would have sent")
     replay.add_argument("log", type=Path, metavar="LOG", help=".blf, .asc, .log or .csv")
@@ -85,12 +86,13 @@ def _protection_options(parser: argparse.ArgumentParser) -> None:
     kinds.add_argument("--no-e2e", dest="protection", action="store_const", const="none", help="no protection")
 
 
-def _shared_bus(options: argparse.Namespace) -> "Bus":
+def _shared_bus(options: argparse.Namespace, everything: bool = False) -> "Bus":
     from sidestep.controller.can_port.bus.bus import Bus, resolve_spec
 
     _require_shared(options)
     spec = resolve_spec(options.can, several_processes=True)
-    return Bus(spec, fd=options.protection == "P05", allow_real_bus=options.allow_real_bus)
+    fd = everything or options.protection == "P05"
+    return Bus(spec, fd=fd, allow_real_bus=options.allow_real_bus, everything=everything)
 
 
 def _require_shared(options: argparse.Namespace) -> None:
@@ -116,13 +118,17 @@ def _drive(options: argparse.Namespace) -> int:
             scenario, folder, options.can, options.protection, options.log, options.allow_real_bus
         )  # fmt: skip
     with written_to(folder):
-        summary = {"scenario": scenario.name, "command_line": options.command_line, "can": figures}
+        said = {name: figures.pop(name) for name in ("verdict", "label", "findings")}
+        summary = {"scenario": scenario.name, "command_line": options.command_line, **said, "can": figures}
         write_text(folder / "summary.json", strict_json(summary))
+    print(f"{said['verdict']}: {said['label']}")
+    for finding in said["findings"]:
+        print(f"{finding['label']}: {finding['text']}")
     print(_timing(figures))
     print(f"log: {folder / options.log}")
     if figures["interrupted"]:
         raise KeyboardInterrupt
-    return 0
+    return 0 if said["verdict"] == "pass" else 1
 
 
 def _plant(options: argparse.Namespace) -> int:
@@ -174,8 +180,11 @@ def _timing(figures: dict[str, Any]) -> str:
 def _monitor(options: argparse.Namespace) -> int:
     from sidestep.validation.can_bus.monitor import monitor
 
-    with _shared_bus(options) as bus:
-        monitor(bus, options.protection, 1.0 if options.once else options.duration, options.candump, options.log)
+    if options.overwrite and not (options.log or options.candump not in (None, "-")):
+        raise InputError("--overwrite", "makes no difference without a file", "--candump FILE or --log FILE")
+    duration = 1.0 if options.once else options.duration
+    with _shared_bus(options, everything=True) as bus:
+        monitor(bus, options.protection, duration, options.candump, options.log, options.overwrite)
     return 0
 
 
