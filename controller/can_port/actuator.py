@@ -13,11 +13,11 @@ says which, was sent lately and goes on from the last one.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from math import inf, isfinite
+from dataclasses import dataclass, replace
+from math import inf, isfinite, isnan
 
 from sidestep.controller.can_port.bus.channel import Channel
-from sidestep.controller.can_port.codec.database import CYCLE, ProtectedMessage
+from sidestep.controller.can_port.codec.database import CYCLE, BusMessage
 from sidestep.controller.can_port.codec.messages import (
     ANSWERS,
     MAX_ANGLE,
@@ -76,7 +76,7 @@ class Actuator:
         implausible: Commands that came through the channel but cannot have been meant.
     """
 
-    def __init__(self, config: ActuatorConfig | None = None, message: ProtectedMessage = STEER_CMD):
+    def __init__(self, config: ActuatorConfig | None = None, message: BusMessage = STEER_CMD):
         self.config = config or ActuatorConfig()
         self.state = ActuatorState.INIT
         self.report: SteerStatus | None = None
@@ -84,7 +84,7 @@ class Actuator:
         self.implausible = 0
         self._slowness = max(1.0, message.cycle / CYCLE)
         self._frame: SteerFrame | None = None  # the last accepted one
-        self._target = 0.0
+        self._target = self._speed = 0.0
         self._last: VehicleState | None = None
 
     def step(self, frames: Iterable[bytes | bytearray], vehicle: VehicleState) -> SteeringCommand:
@@ -94,6 +94,7 @@ class Actuator:
             frames: STEER_CMD frames that arrived since the last call, oldest first.
             vehicle: State now; its time must not go backwards.
         """
+        self._speed = vehicle.v_x if self._frame is None else self._speed
         self._receive(frames, vehicle.time)
         self.state = self._next_state(vehicle)
         elapsed = max(0.0, vehicle.time - self._last.time) if self._last else 0.0
@@ -121,11 +122,17 @@ class Actuator:
 
     def _receive(self, frames: Iterable[bytes | bytearray], time: float) -> None:
         for data in self.channel.take(frames):
-            frame = decode_steer_command(data, time, self.channel.message)
+            frame = self._with_speed(decode_steer_command(data, time, self.channel.message))
             if frame.plausible and self._can_be_next(frame):
                 self._frame = frame
             else:
                 self.implausible += 1
+
+    def _with_speed(self, frame: SteerFrame) -> SteerFrame:
+        """A command that carries no speed asks for the one at which steering began."""
+        if not isnan(frame.command.target_speed):
+            return frame
+        return frame._replace(command=replace(frame.command, target_speed=self._speed))
 
     def _can_be_next(self, frame: SteerFrame) -> bool:
         """Whether it answers what was sent lately and the angle can have come so far.

@@ -114,7 +114,8 @@ class CommandWatch:
         passed = (time - self._time) / CYCLE if self._time > -inf else 1.0
         self._time = time
         message = self.actuator.channel.message
-        counters = [(message.profile.counter_of(data), bytes(data)) for data in commands]
+        whole = (data for data in commands if len(data) == message.length)
+        counters = [(message.profile.counter_of(data), bytes(data)) for data in whole]
         intact = [(counter, data) for counter, data in counters if counter is not None]
         self._surplus = max(self._surplus - passed * CYCLE / message.cycle + len(intact), -_BURST)
         twofold = len(intact) < message.profile.counters and len(set(intact)) > len({counter for counter, _ in intact})

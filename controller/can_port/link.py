@@ -9,11 +9,11 @@ from typing import Any, Protocol, Self
 
 import can
 
-from sidestep.controller.can_port.bus.bus import Bus
+from sidestep.controller.can_port.bus.bus import Bus, key_of
 from sidestep.controller.can_port.bus.faults import FaultSpec, FaultyBus
 from sidestep.controller.can_port.bus.log import open_log
 from sidestep.controller.can_port.bus.pacing import Pacer
-from sidestep.controller.can_port.codec.database import CYCLE, Frame, Protection, messages
+from sidestep.controller.can_port.codec.database import CYCLE, EXTENDED, Catalogue, Frame, messages
 from sidestep.controller.can_port.nodes import ControllerNode
 
 
@@ -43,7 +43,7 @@ class RealTimeLink:
     Args:
         spec: Bus as INTERFACE:CHANNEL.
         senders: Names of this node in the database; what it sends itself is not received.
-        protection: End-to-end protection; "P05" sends CAN FD frames.
+        catalogue: The messages in use; None for ours in Profile 2.
         log: File for every frame sent and received, stamped with the link's time; None for none.
         allow_real_bus: Whether the bus may reach hardware.
         follows: Whether its deadlines are to lie half a cycle behind the first frame that it hears.
@@ -61,7 +61,7 @@ class RealTimeLink:
         self,
         spec: str,
         senders: Collection[str],
-        protection: Protection = "P02",
+        catalogue: Catalogue | None = None,
         log: Path | None = None,
         allow_real_bus: bool = False,
         follows: bool = False,
@@ -69,10 +69,11 @@ class RealTimeLink:
         self.pacer = Pacer(CYCLE)
         self._follows = follows
         self.sent = self.refused = 0
-        self._fd = protection == "P05"
-        own = [message.frame_id for message in messages(protection).values() if message.sender in senders]
+        sent = (messages() if catalogue is None else catalogue).values()
+        own = [message.frame_id for message in sent if message.sender in senders]
+        self._fd = {message.frame_id for message in sent if message.is_fd}
         with ExitStack() as resources:
-            self._bus = resources.enter_context(Bus(spec, own, False, self._fd, allow_real_bus, everything=True))
+            self._bus = resources.enter_context(Bus(spec, own, False, bool(self._fd), allow_real_bus, everything=True))
             self._log = resources.enter_context(open_log(log)) if log else None
             self._resources = resources.pop_all()
 
@@ -89,13 +90,18 @@ class RealTimeLink:
             self._follows = False
         for message in arrived:  # stamped with when it came, not with when it was taken in
             self._record(message, now - max(0.0, clock - message.timestamp), is_rx=True)
-        return [(message.arbitration_id, bytes(message.data)) for message in ours]
+        return [(key_of(message), bytes(message.data)) for message in ours]
 
     def send(self, frames: Iterable[Frame]) -> None:
         """Send frames; those that the bus does not take are counted and gone."""
         now = self.pacer.now()
         for frame_id, data in frames:
-            message = can.Message(arbitration_id=frame_id, data=data, is_extended_id=False, is_fd=self._fd)
+            message = can.Message(
+                arbitration_id=frame_id & ~EXTENDED,
+                data=data,
+                is_extended_id=bool(frame_id & EXTENDED),
+                is_fd=frame_id in self._fd,
+            )
             if self._bus.send(message):
                 self.sent += 1
                 self._record(message, now, is_rx=False)
@@ -142,12 +148,12 @@ class VirtualTimeLink:
     Args:
         node: The controller's node.
         faults: What goes wrong, in both directions, counted from `begin` on.
-        protection: End-to-end protection.
+        catalogue: The messages in use; None for ours in Profile 2.
     """
 
-    def __init__(self, node: ControllerNode, faults: FaultSpec | None = None, protection: Protection = "P02"):
+    def __init__(self, node: ControllerNode, faults: FaultSpec | None = None, catalogue: Catalogue | None = None):
         self.node, self.time = node, -CYCLE
-        self._catalogue, self._faults = messages(protection), faults or FaultSpec()
+        self._catalogue, self._faults = messages() if catalogue is None else catalogue, faults or FaultSpec()
         self._to_controller, self._to_vehicle = self._buses(FaultSpec())
         self._zero = 0.0
 

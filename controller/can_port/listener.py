@@ -5,7 +5,7 @@ from math import inf
 from typing import NamedTuple
 
 from sidestep.controller.can_port.bus.channel import Channel
-from sidestep.controller.can_port.codec.database import CYCLE, Frame, ProtectedMessage
+from sidestep.controller.can_port.codec.database import CYCLE, BusMessage, Catalogue, Frame
 from sidestep.controller.can_port.codec.messages import ANSWERS
 from sidestep.controller.can_port.codec.samples import SAMPLES, vehicle_state
 from sidestep.controller.can_port.protection.e2e_state import E2EState
@@ -17,7 +17,8 @@ STALE = 0.05
 _INSTANT = 1e-9  # two times closer than this are the same, in [s]
 _UNDER_WAY = 3  # samples that may be incomplete at the same time
 _LEAP = 500  # a vehicle's clock that moves on by more cycles than this was started again
-_VEHICLE = ("EPS", "VEH")
+VEHICLE_NODES = ("EPS", "VEH")
+"""Names of the nodes that the vehicle's end stands for."""
 
 
 class Sample(NamedTuple):
@@ -49,9 +50,9 @@ class Assembler:
         valid: Whether the last whole sample said that it is to be used.
     """
 
-    def __init__(self, catalogue: Mapping[str, ProtectedMessage]):
-        sent = {message.frame_id: message for message in catalogue.values() if message.sender in _VEHICLE}
-        self.messages = sent
+    def __init__(self, catalogue: Catalogue):
+        sent = {message.frame_id: message for message in catalogue.values() if message.sender in VEHICLE_NODES}
+        self.messages: dict[int, BusMessage] = sent
         self.valid = False
         self._tied = frozenset(frame_id for frame_id, message in sent.items() if message.tied)
         self._loose: dict[str, float] = {}
@@ -109,7 +110,7 @@ class StateListener:
         arrived: When that was whole, in [s].
     """
 
-    def __init__(self, catalogue: Mapping[str, ProtectedMessage]):
+    def __init__(self, catalogue: Catalogue):
         self._assembler = Assembler(catalogue)
         self.channels = {frame_id: Channel(message) for frame_id, message in self._assembler.messages.items()}
         self.sample: Sample | None = None

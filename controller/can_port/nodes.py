@@ -8,11 +8,11 @@ VALID, the controller sends enable = 0 and asks to stop.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 
 from sidestep.controller.can_port.actuator import Actuator, ActuatorConfig
-from sidestep.controller.can_port.codec.database import CYCLE, Frame, ProtectedMessage, messages
+from sidestep.controller.can_port.codec.database import CYCLE, BusMessage, Catalogue, Frame, messages
 from sidestep.controller.can_port.codec.messages import (
     CTRL_STATUS,
     MAX_RATE_LIMIT,
@@ -21,14 +21,15 @@ from sidestep.controller.can_port.codec.messages import (
     ControllerStatus,
     QpStatus,
     SteerMode,
+    SteerStatus,
     decode_controller_status,
     encode_controller_status,
     encode_steer_command,
-    encode_steer_status,
+    steer_status_values,
 )
 from sidestep.controller.can_port.codec.samples import VEHICLE_STATE, encode_vehicle_state
 from sidestep.controller.can_port.findings import CommandWatch, StateRecord
-from sidestep.controller.can_port.listener import Sample, StateListener
+from sidestep.controller.can_port.listener import VEHICLE_NODES, Sample, StateListener
 from sidestep.controller.can_port.protection.e2e import ACCEPTED, CheckStatus, Receiver
 from sidestep.controller.plan import Plan
 from sidestep.controller.steering import SteeringController
@@ -49,11 +50,12 @@ class Steering:
 
     Args:
         controller: Is reset when the first state comes, and when the vehicle's clock has started again.
+        cycle: Time between two commands, in [s].
     """
 
-    def __init__(self, controller: SteeringController):
+    def __init__(self, controller: SteeringController, cycle: float = CYCLE):
         self._controller = controller
-        self._cycles_per_step = max(1, round(controller.config.period / CYCLE))
+        self._cycles_per_step = max(1, round(controller.config.period / cycle))
         self._began: Sample | None = None
         self._cycles = 0  # since there was something to steer by
         self._command = SteeringCommand(0.0, 0.0, 0.0, Status.FAULT)
@@ -94,9 +96,10 @@ class ControllerNode:
         heard: Time of the last cycle in which there was, in [s]; None before the first.
     """
 
-    def __init__(self, controller: SteeringController, catalogue: Mapping[str, ProtectedMessage] | None = None):
+    def __init__(self, controller: SteeringController, catalogue: Catalogue | None = None):
         catalogue = catalogue or messages()
-        self._controller, self._messages, self._steering = controller, catalogue, Steering(controller)
+        self._controller, self._messages = controller, catalogue
+        self._steering = Steering(controller, catalogue[STEER_CMD.name].cycle)
         literal = controller.config.formulation == "paper"  # its angle is free to jump
         self._rate_limit = MAX_RATE_LIMIT if literal else controller.vehicle.steer_rate_limit
         self.listener = StateListener(catalogue)
@@ -118,7 +121,8 @@ class ControllerNode:
         sample = self.listener.sample if self.listener.fresh(time) else None
         if sample:
             self.heard, self.gap_cycles = time, self.stale_cycles
-            return self._answer(self._steering.answer(sample), sample)
+            due = _count(self._messages[STEER_CMD.name], self._cycle) is not None
+            return self._answer(self._steering.answer(sample) if due else _STOP, sample)
         if self._steering.has_begun:
             self.stale_cycles += 1
             self._steering.pause()
@@ -151,7 +155,7 @@ class ControllerNode:
         return answer
 
 
-def _count(message: ProtectedMessage, cycle: int) -> int | None:
+def _count(message: BusMessage, cycle: int) -> int | None:
     """Number of the frame that is due in this cycle; None if none is."""
     number, rest = divmod(cycle, max(1, round(message.cycle / CYCLE)))
     return None if rest else number
@@ -178,9 +182,10 @@ class VehicleNode:
         reports: Time of arrival, in [s], and content of every CTRL_STATUS.
     """
 
-    def __init__(self, catalogue: Mapping[str, ProtectedMessage] | None = None, config: ActuatorConfig | None = None):
+    def __init__(self, catalogue: Catalogue | None = None, config: ActuatorConfig | None = None):
         self._messages = catalogue or messages()
-        self._sample: Sequence[ProtectedMessage] = [self._messages[message.name] for message in VEHICLE_STATE]
+        self._sample = [self._messages[message.name] for message in VEHICLE_STATE]
+        self._foreign = [m for m in self._messages.values() if not m.tied and m.sender in VEHICLE_NODES]
         self._command = self._messages[STEER_CMD.name]
         self.actuator = Actuator(config, self._command)
         self.watch = CommandWatch(self.actuator)
@@ -220,10 +225,19 @@ class VehicleNode:
         return self._frames(self._last, valid=False) if self._last else []
 
     def _frames(self, state: VehicleState, valid: bool) -> list[Frame]:
-        last, frames = self._last, []
+        last, report = self._last, self.actuator.report
         slip_rate = (state.v_y - last.v_y) / (state.time - last.time) if last and state.time > last.time else 0.0
-        if self.actuator.report:
-            status = self._messages[STEER_STATUS.name]
-            frames.append((status.frame_id, encode_steer_status(self.actuator.report, self._cycle, status)))
-        data = encode_vehicle_state(state, slip_rate + state.v_x * state.yaw_rate, self._cycle, valid, self._sample)
+        lateral = slip_rate + state.v_x * state.yaw_rate
+        frames: list[Frame] = []
+        if report and (status := self._messages.get(STEER_STATUS.name)):
+            frames.append((status.frame_id, status.encode(steer_status_values(report), self._cycle)))
+        if report and self._foreign:
+            frames += self._foreign_frames(state, lateral, report)
+        data = encode_vehicle_state(state, lateral, self._cycle, valid, self._sample)
         return frames + [(message.frame_id, frame) for message, frame in zip(self._sample, data, strict=True)]
+
+    def _foreign_frames(self, state: VehicleState, lateral: float, report: SteerStatus) -> list[Frame]:
+        moves = {"VehDyn_Speed": state.v_x, "VehDyn_YawRate": state.yaw_rate, "VehDyn_AccLat": lateral}
+        values = steer_status_values(report) | moves
+        counted = [(message, _count(message, self._cycle)) for message in self._foreign]
+        return [(message.frame_id, message.encode(values, count)) for message, count in counted if count is not None]

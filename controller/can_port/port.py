@@ -3,17 +3,20 @@
 from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
+from math import isnan
 from pathlib import Path
 from time import monotonic
 from typing import Self
 
 import can
 
-from sidestep.controller.can_port.bus.bus import Bus, resolve_spec
+from sidestep.controller.can_port.bus.bus import Bus, key_of, resolve_spec
 from sidestep.controller.can_port.bus.log import open_log
-from sidestep.controller.can_port.codec.database import CYCLE, Protection, messages
+from sidestep.controller.can_port.codec.database import CYCLE, EXTENDED, BusMessage
 from sidestep.controller.can_port.codec.messages import (
     MAX_RATE_LIMIT,
+    STEER_CMD,
     decode_steer_command,
     encode_steer_command,
 )
@@ -43,7 +46,7 @@ class SteeringPort:
         log: File for every frame that was received, stamped with simulation time; None for none.
         rate_limit: Steering rate limit to send along, in [rad/s].
         allow_real_bus: Whether the bus may reach hardware.
-        protection: End-to-end protection; "P05" sends CAN FD frames.
+        message: The message that steers; None for STEER_CMD in Profile 2.
         behind: How many announced states a command lies behind the newest.
 
     Attributes:
@@ -64,28 +67,31 @@ class SteeringPort:
         log: Path | None = None,
         rate_limit: float = MAX_RATE_LIMIT,
         allow_real_bus: bool = False,
-        protection: Protection = "P02",
+        message: BusMessage | None = None,
         behind: int = 0,
     ):
         self.interface = resolve_spec(spec)
         self.sent = self.lost = self.longest_gap = self.strangers = self._gap = 0
+        self._speed = 0.0
         self._behind, self._announced = behind, deque[int](maxlen=behind + 1)
         self._own: deque[bytes] = deque(maxlen=_OWN)
-        self._steer_cmd = messages(protection)["STEER_CMD"]
+        self._steer_cmd = STEER_CMD if message is None else message
         self.receiver = Receiver(self._steer_cmd.profile, self._steer_cmd.length)
         self._rate_limit = rate_limit
         self._counter = 0
         self._held: SteeringCommand | None = None
-        self._message = can.Message(
-            arbitration_id=self._steer_cmd.frame_id,
+        frame = self._message = can.Message(
+            arbitration_id=self._steer_cmd.frame_id & ~EXTENDED,
             dlc=self._steer_cmd.length,
-            is_extended_id=False,
+            is_extended_id=bool(self._steer_cmd.frame_id & EXTENDED),
             is_fd=self._steer_cmd.is_fd,
         )
         self._record: Callable[[can.Message], None] | None = None
         with ExitStack() as resources:
             if self.interface != "off":
-                self._bus = resources.enter_context(Bus(self.interface, (), True, self._message.is_fd, allow_real_bus))
+                self._bus = resources.enter_context(
+                    Bus(self.interface, (), True, frame.is_fd, allow_real_bus, everything=frame.is_extended_id)
+                )
                 if log is not None:
                     self._record = resources.enter_context(open_log(log)).on_message_received
             self._resources = resources.pop_all()
@@ -102,6 +108,7 @@ class SteeringPort:
         data = encode_steer_command(command, self._counter, True, self._rate_limit, self._steer_cmd, answers)
         self._counter += 1
         self._own.append(data)
+        self._speed = command.target_speed  # goes beside the bus if the message has no place for it
         # bytes, not bytearray: the virtual bus deep-copies the frame, and bytes cost nothing to copy
         self._message.data = data  # pyright: ignore[reportAttributeAccessIssue]
         taken = self._bus.send(self._message)
@@ -151,10 +158,11 @@ class SteeringPort:
         if self._record:
             message.timestamp, message.channel = time, 0
             self._record(message)
-        if message.arbitration_id != self._steer_cmd.frame_id:
+        if key_of(message) != self._steer_cmd.frame_id:
             return False
         self.strangers += bytes(message.data) not in self._own
         if self.receiver.check(message.data) not in _USABLE:
             return False
-        self._held = decode_steer_command(message.data, time, self._steer_cmd).command
+        held = decode_steer_command(message.data, time, self._steer_cmd).command
+        self._held = replace(held, target_speed=self._speed) if isnan(held.target_speed) else held
         return True

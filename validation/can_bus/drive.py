@@ -19,7 +19,8 @@ from sidestep.controller import SteeringController
 from sidestep.controller.can_port.actuator import ActuatorConfig
 from sidestep.controller.can_port.bus.bus import resolve_spec
 from sidestep.controller.can_port.bus.faults import FaultSpec
-from sidestep.controller.can_port.codec.database import CYCLE, Protection, messages
+from sidestep.controller.can_port.codec.catalogue import BusDescription, own_bus
+from sidestep.controller.can_port.codec.database import CYCLE
 from sidestep.controller.can_port.codec.messages import ActuatorState, QpStatus
 from sidestep.controller.can_port.findings import Finding, findings, state_findings
 from sidestep.controller.can_port.link import Link, RealTimeLink, VirtualTimeLink
@@ -156,7 +157,7 @@ def drive_virtual(
     scenario: Scenario,
     plant: Plant,
     faults: FaultSpec | None = None,
-    protection: Protection = "P02",
+    bus: BusDescription | None = None,
     controller: SteeringController | None = None,
 ) -> VirtualRun:
     """Drive a scenario over a faulty bus in virtual time, both nodes in this process.
@@ -165,13 +166,13 @@ def drive_virtual(
         scenario: What to drive.
         plant: Open.
         faults: What goes wrong, in both directions.
-        protection: End-to-end protection.
+        bus: What travels; None for our own messages.
         controller: One to use again; None makes it.
     """
-    catalogue = messages(protection)
+    catalogue = (bus or own_bus()).messages
     far = ControllerNode(controller or bare_controller(scenario), catalogue)
     vehicle = VehicleNode(catalogue, _actuator(scenario))
-    recording = drive_over(VirtualTimeLink(far, faults, protection), vehicle, plant, scenario)
+    recording = drive_over(VirtualTimeLink(far, faults, catalogue), vehicle, plant, scenario)
     return VirtualRun(recording, vehicle, far, findings(vehicle.watch.record()))
 
 
@@ -179,7 +180,7 @@ def run_plant(
     scenario: Scenario,
     folder: Path,
     can: str = "auto",
-    protection: Protection = "P02",
+    bus: BusDescription | None = None,
     log: str = "can.blf",
     allow_real_bus: bool = False,
     progress: Callable[[float], None] | None = None,
@@ -191,12 +192,13 @@ def run_plant(
         InputError: Plant, bus or folder cannot be used, or no controller answers.
         PlantError: The plant cannot be built or cannot start.
     """
-    node = VehicleNode(messages(protection), _actuator(scenario))
+    catalogue = (bus or own_bus()).messages
+    node = VehicleNode(catalogue, _actuator(scenario))
     with open_plant(scenario) as plant:
         start, _ = reset_to(plant, scenario.start, scenario.plant)  # refused here, before anything is written
         plant.step(SteeringCommand(start.time, start.steer_angle, scenario.speed), CYCLE)  # load the kernels
         with made(folder):
-            link = RealTimeLink(resolve_spec(can, True), _VEHICLE, protection, folder / log, allow_real_bus)
+            link = RealTimeLink(resolve_spec(can, True), _VEHICLE, catalogue, folder / log, allow_real_bus)
         with link, _undisturbed():
             recording = drive_over(link, node, plant, scenario, progress)
             link.send(node.leave())
@@ -211,7 +213,7 @@ def run_controller(
     scenario: Scenario,
     folder: Path,
     can: str = "auto",
-    protection: Protection = "P02",
+    bus: BusDescription | None = None,
     log: str = "can.blf",
     allow_real_bus: bool = False,
 ) -> dict[str, Any]:
@@ -226,9 +228,10 @@ def run_controller(
     controller = bare_controller(scenario)
     for _ in range(3):
         controller.step(scenario.start)  # load the kernels before the clock runs
-    node = ControllerNode(controller, messages(protection))
+    catalogue = (bus or own_bus()).messages
+    node = ControllerNode(controller, catalogue)
     with made(folder):
-        link = RealTimeLink(resolve_spec(can, True), _CONTROLLER, protection, folder / log, allow_real_bus, True)
+        link = RealTimeLink(resolve_spec(can, True), _CONTROLLER, catalogue, folder / log, allow_real_bus, True)
     with link, _undisturbed():
         interrupted, share = _serve(link, node)
     if node.heard is None and not interrupted:

@@ -11,11 +11,12 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
-from sidestep.controller.can_port.bus.bus import Bus
+from sidestep.controller.can_port.bus.bus import Bus, key_of
 from sidestep.controller.can_port.bus.candump import CandumpWriter
 from sidestep.controller.can_port.bus.channel import Channel
 from sidestep.controller.can_port.bus.log import open_log
-from sidestep.controller.can_port.codec.database import Protection, load_dbc, messages
+from sidestep.controller.can_port.codec.catalogue import BusDescription, own_bus
+from sidestep.controller.can_port.codec.database import EXTENDED, messages
 from sidestep.controller.can_port.protection.e2e import CheckStatus
 from sidestep.plant_models.errors import InputError
 
@@ -27,12 +28,17 @@ class Observer:
     """What has been seen of every message.
 
     Args:
-        protection: End-to-end protection to check.
+        bus: What travels on the bus.
     """
 
-    def __init__(self, protection: Protection = "P02"):
-        self._channels = {message.frame_id: Channel(message) for message in messages(protection).values()}
-        self._database = load_dbc(protection)
+    def __init__(self, bus: BusDescription | None = None):
+        described = bus or own_bus()
+        self._channels = {message.frame_id: Channel(message) for message in described.messages.values()}
+        self._messages = {
+            message.frame_id | EXTENDED * message.is_extended_frame: message
+            for database in reversed(described.databases)
+            for message in database.messages
+        }
         self._seen: dict[int, tuple[int, float, float, bytes]] = {}  # count, first and last time, data
 
     def add(self, frame_id: int, data: bytes, now: float) -> None:
@@ -56,7 +62,9 @@ class Observer:
     def _row(self, frame_id: int, count: int, rate: str, data: bytes) -> tuple[str, ...]:
         channel = self._channels.get(frame_id)
         if channel is None:
-            return ("not ours", str(count), rate, "", "", "", data.hex(" "))
+            known = self._messages.get(frame_id)
+            shown = self._signals(frame_id, data) if known and known.length == len(data) else data.hex(" ")
+            return (f"{known.name} (not ours)" if known else "not ours", str(count), rate, "", "", "", shown)
         checks = channel.receiver.counts
         bad = checks.total() - sum(checks[status] for status in _GOOD) - checks[CheckStatus.OKSOMELOST]
         signals = self._signals(frame_id, data) if len(data) == channel.message.length else data.hex(" ")
@@ -64,12 +72,13 @@ class Observer:
         return (channel.message.name, str(count), rate, channel.state.name, lost, str(bad), signals)
 
     def _signals(self, frame_id: int, data: bytes) -> str:
-        message = self._database.get_message_by_frame_id(frame_id)
+        message = self._messages[frame_id]
         values = message.decode(data)
         assert isinstance(values, dict)
         units = {signal.name: f" {signal.unit}" if signal.unit else "" for signal in message.signals}
-        shown = (name for name in values if not name.endswith(("_CRC", "_Counter")))
-        return ", ".join(f"{name.partition('_')[2]} {_text(values[name])}{units[name]}" for name in shown)
+        shown = [name for name in values if not name.endswith(("_CRC", "_Counter"))]
+        short = {name: name.partition("_")[2] if message.name in messages() else name for name in shown}
+        return ", ".join(f"{short[name]} {_text(values[name])}{units[name]}" for name in shown)
 
 
 def _text(value: object) -> str:
@@ -78,7 +87,7 @@ def _text(value: object) -> str:
 
 def monitor(
     bus: Bus,
-    protection: Protection,
+    described: BusDescription | None,
     duration: float | None,
     candump: str | None,
     log: Path | None,
@@ -88,7 +97,7 @@ def monitor(
 
     Args:
         bus: Open.
-        protection: End-to-end protection to check.
+        described: What travels on it; None for our own messages.
         duration: In [s]; None for ever.
         candump: File for candump's lines, "-" for the terminal instead of the table; None for none.
         log: File for the frames; None for none.
@@ -97,7 +106,7 @@ def monitor(
     Raises:
         InputError: A file cannot be written, or is there already.
     """
-    observer, began = Observer(protection), time.monotonic()
+    observer, began = Observer(described), time.monotonic()
     with ExitStack() as resources:
         logs = [resources.enter_context(open_log(log, overwrite))] if log else []
         if candump == "-":
@@ -132,7 +141,7 @@ def _watch(bus: Bus, observer: Observer, logs: list, until: float) -> None:
         if message is None:
             return
         if bus.is_ours(message):
-            observer.add(message.arbitration_id, bytes(message.data), time.monotonic())
+            observer.add(key_of(message), bytes(message.data), time.monotonic())
         if not message.channel or isinstance(message.channel, int):
             message.channel = bus.spec.partition(":")[2]
         for log in logs:

@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 
 import can
@@ -10,9 +10,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sidestep.controller import SteeringController
-from sidestep.controller.can_port.bus.bus import Bus
+from sidestep.controller.can_port.bus.bus import Bus, key_of
 from sidestep.controller.can_port.bus.log import read_log
-from sidestep.controller.can_port.codec.database import ProtectedMessage, Protection, messages
+from sidestep.controller.can_port.codec.catalogue import BusDescription, own_bus
+from sidestep.controller.can_port.codec.database import Catalogue, messages
 from sidestep.controller.can_port.codec.messages import (
     ANSWERS,
     STEER_CMD,
@@ -29,19 +30,19 @@ from sidestep.validation.files import made, written_to
 from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.loop.recording import Array, write_columns
 from sidestep.validation.report.style import BLUE, ORANGE, RED, legend, panel, styled, write_figure
-from sidestep.validation.scenarios.scenario import load_scenario
+from sidestep.validation.scenarios.scenario import Scenario
 
 _UNITS = {"time": "s", "logged": "rad", "asked_now": "rad", "difference": "rad"}
 
 
-def replay_as_plant(log: Path, bus: Bus, protection: Protection = "P02") -> int:
+def replay_as_plant(log: Path, bus: Bus, described: BusDescription | None = None) -> int:
     """Send what the vehicle sent, in the log's own time; how many frames the bus took.
 
     Raises:
         InputError: The log cannot be read, or holds none of our messages.
     """
-    ours = {m.frame_id: m.name for m in messages(protection).values() if m.sender != "CTRL"}
-    frames = [message for message in _read(log) if message.arbitration_id in ours]
+    ours = {m.frame_id: m.name for m in (described or own_bus()).messages.values() if m.sender != "CTRL"}
+    frames = [message for message in _read(log) if key_of(message) in ours]
     if not frames:
         raise InputError(str(log), "holds no frame of a vehicle", f"a log with {', '.join(ours.values())}")
     zero, sent = time.monotonic() - frames[0].timestamp, 0
@@ -51,16 +52,15 @@ def replay_as_plant(log: Path, bus: Bus, protection: Protection = "P02") -> int:
     return sent
 
 
-def what_if(log: Path, name: str, out: Path, protection: Protection = "P02") -> int:
+def what_if(log: Path, scenario: Scenario, out: Path, described: BusDescription | None = None) -> int:
     """Feed a log to a scenario's controller, compare its steering with the log's; print, write and plot it.
 
     Raises:
         InputError: Log, scenario or folder cannot be used.
     """
-    scenario = load_scenario(name)
-    columns, missing = compare(_read(log), bare_controller(scenario), protection)
+    columns, missing = compare(_read(log), bare_controller(scenario), (described or own_bus()).messages)
     if not len(columns["time"]):
-        allowed = "a log of both nodes, as `sidestep can drive` writes one, with the same protection"
+        allowed = "a log of both nodes, as `sidestep can drive` writes one, with the same protection and mapping"
         raise InputError(str(log), "never has both a state to steer by and a command that answers it", allowed)
     with made(out), written_to(out):
         write_columns(out / "what_if.csv", columns, _UNITS)
@@ -97,7 +97,7 @@ _LOGS = ".blf, .asc, .log (candump) or .csv with CAN frames, as python-can write
 
 
 def compare(
-    log: Iterable[can.Message], controller: SteeringController, protection: Protection = "P02"
+    log: Iterable[can.Message], controller: SteeringController, catalogue: Catalogue | None = None
 ) -> tuple[dict[str, Array], int]:
     """Ask a controller again: one step for every logged command, at the state that the command says it answers.
 
@@ -105,7 +105,7 @@ def compare(
         Columns time, logged angle, the controller's angle, and their difference, wherever the logged command is
         enabled; and how many commands the log lacks by its alive counters.
     """
-    asked = _Asked(controller, messages(protection))
+    asked = _Asked(controller, messages() if catalogue is None else catalogue)
     rows = [row for message in log if (row := asked.about(message))]
     time_, logged_angle, mine = np.array(rows, dtype=float).reshape(-1, 3).T
     return {"time": time_, "logged": logged_angle, "asked_now": mine, "difference": mine - logged_angle}, asked.missing
@@ -114,10 +114,10 @@ def compare(
 class _Asked:
     """A controller at the end of a log."""
 
-    def __init__(self, controller: SteeringController, catalogue: Mapping[str, ProtectedMessage]):
+    def __init__(self, controller: SteeringController, catalogue: Catalogue):
         self.missing = 0
-        self._steering = Steering(controller)
         self._command = catalogue[STEER_CMD.name]
+        self._steering = Steering(controller, self._command.cycle)
         self._assembler = Assembler(catalogue)
         self._samples: deque[Sample] = deque(maxlen=ANSWERS)
         self._exact: dict[int, SteeringCommand] = {}
@@ -128,9 +128,9 @@ class _Asked:
         """Take in a frame of the log; time and both angles if it is an enabled command with a state to answer."""
         if message.channel == LOG_CHANNEL and message.arbitration_id == EXACT_ID:
             self._take_exact(exact_state(message.data))
-        elif message.arbitration_id == self._command.frame_id:
+        elif key_of(message) == self._command.frame_id:
             return self._take_command(message)
-        elif part := self._assembler.messages.get(message.arbitration_id):
+        elif part := self._assembler.messages.get(key_of(message)):
             counter = part.profile.counter_of(message.data) if len(message.data) == part.length else None
             if counter is not None and (sample := self._assembler.add(part.frame_id, counter, message.data)):
                 self._samples.append(sample)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.cli.arguments import positive_number, refuse_beside, seed, whole_number
+from sidestep.validation.cli.bus_maps import add_bus_map, described
 
 if TYPE_CHECKING:
     from sidestep.controller.can_port.bus.bus import Bus
@@ -26,7 +27,6 @@ def add_can(commands: argparse._SubParsersAction) -> None:
     drive = _node(parts, "drive", "the controller as a node: state in, steering out, every 10 ms", _drive)
     plant = _node(parts, "plant", "plant, steering actuator and sensors as a node", _plant)
     plant.add_argument("--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, or an .fmu file")
-    plant.add_argument("--map", type=Path, metavar="MAP.toml", help="mapping file of an FMU that is not ours")
     plant.set_defaults(isolate=None)
     for part in (drive, plant):
         part.add_argument(
@@ -65,12 +65,13 @@ def _node(parts: argparse._SubParsersAction, name: str, words: str, command: Any
     node.add_argument("scenario", metavar="SCENARIO", help="a name that `sidestep scenarios` lists, or a TOML file")
     node.add_argument("--out", type=Path, metavar="DIR", help="default: runs/<time>-<scenario>")
     node.add_argument("--log", default="can.blf", metavar="NAME", help="log file in it (.blf, .asc, .log, .csv)")
-    _bus_options(node)
+    _bus_options(node, "; and, of the plant, that of a foreign FMU" if name == "plant" else "")
     node.set_defaults(command=command)
     return node
 
 
-def _bus_options(parser: argparse.ArgumentParser) -> None:
+def _bus_options(parser: argparse.ArgumentParser, also: str = "") -> None:
+    add_bus_map(parser, also)
     parser.add_argument(
         "--can", default="auto", metavar="BUS", help="auto (default), udp_multicast:GROUP:PORT, socketcan:vcan0"
     )
@@ -91,7 +92,7 @@ def _shared_bus(options: argparse.Namespace, everything: bool = False) -> "Bus":
 
     _require_shared(options)
     spec = resolve_spec(options.can, several_processes=True)
-    fd = everything or options.protection == "P05"
+    fd = everything or any(message.is_fd for message in described(options).messages.values())
     return Bus(spec, fd=fd, allow_real_bus=options.allow_real_bus, everything=everything)
 
 
@@ -112,10 +113,11 @@ def _drive(options: argparse.Namespace) -> int:
 
     _require_shared(options)
     scenario = load_scenario(options.scenario, options.overrides)
+    bus = described(options, scenario)
     folder = _folder(options, f"{scenario.name}-controller")
     with _terminated_as_interrupted():
         figures = run_controller(
-            scenario, folder, options.can, options.protection, options.log, options.allow_real_bus
+            scenario, folder, options.can, bus, options.log, options.allow_real_bus
         )  # fmt: skip
     with written_to(folder):
         said = {name: figures.pop(name) for name in ("verdict", "label", "findings")}
@@ -140,11 +142,12 @@ def _plant(options: argparse.Namespace) -> int:
 
     _require_shared(options)
     scenario = load_scenario(options.scenario, [*options.overrides, *plant_overrides(options)])
+    bus = described(options, scenario)
     folder = _folder(options, scenario.name)
     bar = progress_bar(f"{scenario.name} on {scenario.plant.name}", scenario.duration)
     with _terminated_as_interrupted(), bar as progress:
         run = run_plant(
-            scenario, folder, options.can, options.protection, options.log, options.allow_real_bus, progress,
+            scenario, folder, options.can, bus, options.log, options.allow_real_bus, progress,
             options.command_line,
         )  # fmt: skip
     write_run(run)
@@ -184,21 +187,25 @@ def _monitor(options: argparse.Namespace) -> int:
         raise InputError("--overwrite", "makes no difference without a file", "--candump FILE or --log FILE")
     duration = 1.0 if options.once else options.duration
     with _shared_bus(options, everything=True) as bus:
-        monitor(bus, options.protection, duration, options.candump, options.log, options.overwrite)
+        monitor(bus, described(options), duration, options.candump, options.log, options.overwrite)
     return 0
 
 
 def _replay(options: argparse.Namespace) -> int:
     from sidestep.validation.can_bus.replay import replay_as_plant, what_if
+    from sidestep.validation.scenarios.scenario import load_scenario
 
     if options.what_if:
-        bus = None if options.can == "auto" else options.can
-        refuse_beside("--what-if", {"--can": bus, "--allow-real-bus": options.allow_real_bus})
-        return what_if(options.log, options.what_if, options.out or Path("what-if"), options.protection)
+        refuse_beside(
+            "--what-if",
+            {"--can": None if options.can == "auto" else options.can, "--allow-real-bus": options.allow_real_bus},
+        )
+        scenario = load_scenario(options.what_if)
+        return what_if(options.log, scenario, options.out or Path("what-if"), described(options, scenario))
     if options.out:
         raise InputError("--out", "makes no difference without --what-if", "both, or neither")
     with _shared_bus(options) as bus:
-        print(f"{replay_as_plant(options.log, bus, options.protection)} frames sent on {bus.spec}")
+        print(f"{replay_as_plant(options.log, bus, described(options))} frames sent on {bus.spec}")
     return 0
 
 

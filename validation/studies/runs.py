@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from sidestep.controller.can_port.codec.database import BusMessage
 from sidestep.controller.can_port.port import SteeringPort
 from sidestep.validation.files import made
 from sidestep.validation.judge.findings import for_the_judge
@@ -57,6 +58,7 @@ def drive(
     progress: Callable[[float], None] | None = None,
     command_line: str = "",
     render: Path | None = None,
+    message: BusMessage | None = None,
 ) -> Run:
     """Drive a scenario once; only the CAN log is written, to `folder`, which is made if need be.
 
@@ -70,6 +72,7 @@ def drive(
         progress: Called with the simulated time, in [s].
         command_line: For the summary.
         render: Film of MuJoCo's car to write, .gif or .mp4.
+        message: The message that steers; None for STEER_CMD.
 
     Raises:
         InputError: Plant, bus or folder cannot be used, or the plant does not start where it is put; nothing is left
@@ -89,7 +92,7 @@ def drive(
             log = folder / "can.blf"
             log.unlink(missing_ok=True)
             behind = int(coupling == "one-step-delay")
-            port = SteeringPort(can, log, scenario.vehicle.steer_rate_limit, allow_real_bus, behind=behind)
+            port = SteeringPort(can, log, scenario.vehicle.steer_rate_limit, allow_real_bus, message, behind)
         with port:
             told.announce = port.announce
             recording = cosimulate(controller, plant, scenario, port, coupling, _all(show, shoot, progress))

@@ -15,7 +15,7 @@ from typing import Any, Self
 
 import can
 
-from sidestep.controller.can_port.codec.database import Frame
+from sidestep.controller.can_port.codec.database import EXTENDED, Frame
 from sidestep.plant_models.errors import InputError
 
 SPECS = "auto, off, virtual:NAME, udp_multicast:GROUP:PORT, socketcan:vcan0"
@@ -85,8 +85,8 @@ class Bus:
         except (can.CanError, OSError):
             self.errors += 1
             return False
-        if self._always_echoes and message.arbitration_id in self._own_ids:
-            self._echoes.append((message.arbitration_id, bytes(message.data)))
+        if self._always_echoes and (key := key_of(message)) in self._own_ids:
+            self._echoes.append((key, bytes(message.data)))
         return True
 
     def receive(self, timeout: float = 0.0) -> can.Message | None:
@@ -119,24 +119,29 @@ class Bus:
         self.close()
 
     def is_ours(self, message: can.Message) -> bool:
-        """Whether it is a data frame with a standard identifier that others send."""
+        """Whether it is a data frame that others send; with an extended identifier only if everything is wanted."""
         return not (
             message.is_error_frame
             or message.is_remote_frame
-            or message.is_extended_id
-            or message.arbitration_id in self._own_ids
+            or (message.is_extended_id and not self._everything)
+            or key_of(message) in self._own_ids
         )
 
     def _is_wanted(self, message: can.Message) -> bool:
         if message.is_error_frame:
             self.error_frames += 1
-        elif message.arbitration_id in self._own_ids and not message.is_extended_id:
-            sent = (message.arbitration_id, bytes(message.data))
+        elif (key := key_of(message)) in self._own_ids:
+            sent = (key, bytes(message.data))
             if sent in self._echoes:
                 self._echoes.remove(sent)
                 return False
             self.strangers += 1
         return self._everything or self.is_ours(message)
+
+
+def key_of(message: can.Message) -> int:
+    """Identifier of a frame, `EXTENDED` added to one of 29 bits."""
+    return message.arbitration_id | EXTENDED * message.is_extended_id
 
 
 def resolve_spec(spec: str, several_processes: bool = False) -> str:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from sidestep.controller.can_port.codec.database import CYCLE, ProtectedMessage
+from sidestep.controller.can_port.codec.database import CYCLE, BusMessage
 from sidestep.controller.can_port.protection.e2e import ACCEPTED, Receiver
 from sidestep.controller.can_port.protection.e2e_state import E2EState, E2EStateMachine
 
@@ -21,7 +21,7 @@ class Channel:
         machine: State machine over the checks.
     """
 
-    def __init__(self, message: ProtectedMessage):
+    def __init__(self, message: BusMessage):
         self.message = message
         self.receiver = Receiver(message.profile, message.length)
         self.machine = E2EStateMachine()

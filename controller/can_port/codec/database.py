@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from math import isfinite
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Protocol
 
 import cantools.database
 from cantools.database.can import Database, Message, Signal
@@ -23,7 +23,10 @@ CYCLE = 0.01
 """Time between two cycles of a node, in [s]: that of every message but CTRL_STATUS."""
 
 Frame = tuple[int, bytes]
-"""Identifier and data."""
+"""Identifier and data; `EXTENDED` is added to an identifier of 29 bits."""
+
+EXTENDED = 0x80000000
+"""Flag of an identifier of 29 bits, as Linux has it."""
 
 EXACT = "STATE_EXACT"
 """Name of the message that is in logs only."""
@@ -56,6 +59,35 @@ class PackedSignal(NamedTuple):
     low: int
     high: int
     safe: int
+
+
+class BusMessage(Protocol):
+    """A message that one of ours may be, of steer.dbc or of a mapping file; the members are `ProtectedMessage`'s."""
+
+    @property
+    def name(self) -> str: ...  # noqa: D102
+    @property
+    def frame_id(self) -> int: ...  # noqa: D102
+    @property
+    def length(self) -> int: ...  # noqa: D102
+    @property
+    def cycle(self) -> float: ...  # noqa: D102
+    @property
+    def profile(self) -> Profile: ...  # noqa: D102
+    @property
+    def sender(self) -> str: ...  # noqa: D102
+    @property
+    def tied(self) -> bool: ...  # noqa: D102
+    @property
+    def reserved(self) -> int: ...  # noqa: D102
+    @property
+    def is_fd(self) -> bool: ...  # noqa: D102
+    def encode(self, values: Mapping[str, float], counter: int) -> bytes: ...  # noqa: D102
+    def decode(self, data: bytes | bytearray) -> dict[str, float]: ...  # noqa: D102
+
+
+Catalogue = Mapping[str, BusMessage]
+"""Messages by name; that which steers is STEER_CMD whoever made it."""
 
 
 @dataclass(frozen=True)
@@ -113,9 +145,13 @@ class ProtectedMessage:
             values[name] = (raw - ((raw & sign_bit) << 1)) * scale
         return values
 
-    @cached_property
+    @property
     def reserved(self) -> int:
         """Mask of the bits that neither header nor signals use, which are sent as 0; byte 0 is the lowest."""
+        return self._reserved
+
+    @cached_property
+    def _reserved(self) -> int:
         used = (1 << self.profile.header_bits) - 1
         for signal in self.signals:
             used |= signal.mask << signal.start

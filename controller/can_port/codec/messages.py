@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import NamedTuple
 
-from sidestep.controller.can_port.codec.database import CYCLE, ProtectedMessage, messages
+from sidestep.controller.can_port.codec.database import CYCLE, BusMessage, messages
 from sidestep.controller.can_port.protection.e2e_state import E2EState
 from sidestep.plant_models.signals import Status, SteeringCommand
 
@@ -136,7 +136,7 @@ def encode_steer_command(
     counter: int,
     enable: bool = True,
     rate_limit: float = MAX_RATE_LIMIT,
-    message: ProtectedMessage = STEER_CMD,
+    message: BusMessage = STEER_CMD,
     answers: int | None = None,
 ) -> bytes:
     """STEER_CMD frame of a command.
@@ -163,7 +163,7 @@ def encode_steer_command(
     )
 
 
-def decode_steer_command(data: bytes | bytearray, time: float, message: ProtectedMessage = STEER_CMD) -> SteerFrame:
+def decode_steer_command(data: bytes | bytearray, time: float, message: BusMessage = STEER_CMD) -> SteerFrame:
     """Command of a STEER_CMD frame.
 
     A frame whose mode is not ANGLE, or whose angle lies outside its range, counts as not enabled. It is implausible
@@ -187,21 +187,23 @@ def decode_steer_command(data: bytes | bytearray, time: float, message: Protecte
     )  # fmt: skip
 
 
-def encode_steer_status(status: SteerStatus, counter: int, message: ProtectedMessage = STEER_STATUS) -> bytes:
+def encode_steer_status(status: SteerStatus, counter: int, message: BusMessage = STEER_STATUS) -> bytes:
     """STEER_STATUS frame."""
-    return message.encode(
-        {
-            "SteerStatus_State": status.state,
-            "SteerStatus_Angle": status.angle,
-            "SteerStatus_Rate": status.rate,
-            "SteerStatus_E2EState": status.e2e_state,
-            "SteerStatus_LostCount": status.lost,
-        },
-        counter,
-    )
+    return message.encode(steer_status_values(status), counter)
 
 
-def decode_steer_status(data: bytes | bytearray, message: ProtectedMessage = STEER_STATUS) -> SteerStatus:
+def steer_status_values(status: SteerStatus) -> dict[str, float]:
+    """Signals of STEER_STATUS."""
+    return {
+        "SteerStatus_State": status.state,
+        "SteerStatus_Angle": status.angle,
+        "SteerStatus_Rate": status.rate,
+        "SteerStatus_E2EState": status.e2e_state,
+        "SteerStatus_LostCount": status.lost,
+    }
+
+
+def decode_steer_status(data: bytes | bytearray, message: BusMessage = STEER_STATUS) -> SteerStatus:
     """Record of a checked STEER_STATUS frame."""
     values = message.decode(data)
     return SteerStatus(
@@ -213,7 +215,7 @@ def decode_steer_status(data: bytes | bytearray, message: ProtectedMessage = STE
     )
 
 
-def encode_controller_status(status: ControllerStatus, counter: int, message: ProtectedMessage = CTRL_STATUS) -> bytes:
+def encode_controller_status(status: ControllerStatus, counter: int, message: BusMessage = CTRL_STATUS) -> bytes:
     """CTRL_STATUS frame."""
     return message.encode(
         {
@@ -228,7 +230,7 @@ def encode_controller_status(status: ControllerStatus, counter: int, message: Pr
     )
 
 
-def decode_controller_status(data: bytes | bytearray, message: ProtectedMessage = CTRL_STATUS) -> ControllerStatus:
+def decode_controller_status(data: bytes | bytearray, message: BusMessage = CTRL_STATUS) -> ControllerStatus:
     """Record of a checked CTRL_STATUS frame."""
     values = message.decode(data)
     return ControllerStatus(

@@ -7,7 +7,7 @@ from math import isfinite, pi, remainder
 
 import can
 
-from sidestep.controller.can_port.codec.database import CYCLE, ProtectedMessage, messages
+from sidestep.controller.can_port.codec.database import CYCLE, BusMessage, messages
 from sidestep.controller.can_port.codec.messages import ANSWERS
 from sidestep.plant_models.signals import VehicleState
 
@@ -39,7 +39,7 @@ def encode_vehicle_state(
     lateral_acceleration: float,
     counter: int,
     valid: bool = True,
-    sample: Sequence[ProtectedMessage] = VEHICLE_STATE,
+    sample: Sequence[BusMessage] = VEHICLE_STATE,
 ) -> list[bytes]:
     """Frames of one sample, in the order of `VEHICLE_STATE`.
 
@@ -75,7 +75,7 @@ def decode_vehicle_state(
     time: float,
     steer_angle: float = 0.0,
     near_yaw: float = 0.0,
-    sample: Sequence[ProtectedMessage] = VEHICLE_STATE,
+    sample: Sequence[BusMessage] = VEHICLE_STATE,
 ) -> VehicleState | None:
     """State of one sample; None if a frame says that it is not valid.
 

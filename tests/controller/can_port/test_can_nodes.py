@@ -11,6 +11,7 @@ from sidestep.controller.can_port.bus.faults import FaultSpec
 from sidestep.controller.can_port.bus.log import read_log
 from sidestep.controller.can_port.bus.pacing import Pacer
 from sidestep.controller.can_port.codec import messages as m
+from sidestep.controller.can_port.codec.catalogue import own_bus
 from sidestep.controller.can_port.codec.database import CYCLE, messages
 from sidestep.controller.can_port.codec.messages import ActuatorState
 from sidestep.controller.can_port.link import RealTimeLink, VirtualTimeLink
@@ -196,7 +197,7 @@ def test_a_sample_whose_parts_come_in_different_cycles_counts_when_it_is_whole()
 
 def drive(faults=None, scenario=SCENE, protection="P02"):
     with LinearPlant(scenario.vehicle) as plant:
-        return drive_virtual(scenario, plant, faults, protection)
+        return drive_virtual(scenario, plant, faults, own_bus(protection))
 
 
 @pytest.fixture(scope="module")
@@ -347,7 +348,7 @@ def test_statistics_of_nothing():
 
 
 def test_a_real_time_link_paces_sends_logs_and_hears_only_the_other_end(tmp_path):
-    pair = (("virtual:link", ("CTRL",), "P02", tmp_path / "a.log"), ("virtual:link", ("EPS", "VEH"), "P02", None))
+    pair = (("virtual:link", ("CTRL",), None, tmp_path / "a.log"), ("virtual:link", ("EPS", "VEH"), None, None))
     with RealTimeLink(*pair[0]) as controller, RealTimeLink(*pair[1]) as vehicle:
         for k in range(5):
             controller.wait()

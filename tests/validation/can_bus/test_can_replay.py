@@ -123,7 +123,7 @@ def test_the_same_controller_gives_every_logged_command_again(drive, node, endin
 @pytest.mark.parametrize("protection", ["P05", "none"])
 def test_with_other_protections(protection):
     link = stumble(0.03, protection=protection)
-    columns, _ = compare(link.logs["monitor"], controller_of(SCENE), protection)
+    columns, _ = compare(link.logs["monitor"], controller_of(SCENE), messages(protection))
     assert len(columns["time"]) > 200
     assert np.all(columns["difference"] == 0.0)
 

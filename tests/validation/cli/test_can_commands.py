@@ -105,7 +105,7 @@ def test_monitor_shows_signals_and_protection(capsys, tmp_path, traffic):
         for message in traffic[:400]:
             sender.send(message)
         sender.send(can.Message(arbitration_id=0x7FF, data=b"\1\2", is_extended_id=False))
-        monitor(bus, "P02", 0.05, None, tmp_path / "log.csv")
+        monitor(bus, None, 0.05, None, tmp_path / "log.csv")
     lines = capsys.readouterr().out.splitlines()
     steer = next(line for line in lines if "STEER_CMD" in line)
     assert "VALID" in steer
@@ -126,7 +126,7 @@ def test_monitor_counts_what_is_bad():
 def test_candump_lines(capsys):
     with Bus("virtual:candump") as bus, Bus("virtual:candump") as sender:
         sender.send(can.Message(12.5, 0x101, is_extended_id=False, data=b"\1\2"))
-        monitor(bus, "P02", 0.02, "-", None)
+        monitor(bus, None, 0.02, "-", None)
     assert capsys.readouterr().out.split()[1:] == ["candump", "101#0102"]
 
 
@@ -134,15 +134,15 @@ def test_candump_writes_the_name_given_and_no_file_that_was_there(tmp_path):
     (tmp_path / "run.log").write_text("precious")
     with Bus("virtual:names") as bus, Bus("virtual:names") as sender:
         sender.send(can.Message(arbitration_id=0x101, is_extended_id=False, data=b"\1"))
-        monitor(bus, "P02", 0.02, str(tmp_path / "run.1"), None)
+        monitor(bus, None, 0.02, str(tmp_path / "run.1"), None)
         for name in ("run.1", "run.log"):
             with pytest.raises(InputError, match="is there already; allowed: another name, or --overwrite"):
-                monitor(bus, "P02", 0.02, str(tmp_path / name), None)
+                monitor(bus, None, 0.02, str(tmp_path / name), None)
         with pytest.raises(InputError, match="is there already"):
-            monitor(bus, "P02", 0.02, None, tmp_path / "run.log")
+            monitor(bus, None, 0.02, None, tmp_path / "run.log")
         assert (tmp_path / "run.log").read_text() == "precious"
         assert (tmp_path / "run.1").read_text().endswith(") names 101#01\n")
-        monitor(bus, "P02", 0.02, str(tmp_path / "run.log"), None, overwrite=True)
+        monitor(bus, None, 0.02, str(tmp_path / "run.log"), None, overwrite=True)
     assert (tmp_path / "run.log").read_text() == ""
 
 
@@ -175,7 +175,7 @@ def test_what_if_needs_a_vehicle(tmp_path, traffic):
     with open_log(tmp_path / "a.log") as log:
         log.on_message_received(traffic[0])
     with pytest.raises(InputError, match="never has both"):
-        can_replay.what_if(tmp_path / "a.log", "single-obstacle", tmp_path / "out")
+        can_replay.what_if(tmp_path / "a.log", SCENE, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
