@@ -1,10 +1,12 @@
 """Databases of others, in any format that cantools reads, as they are: lenient where only strictness refuses them."""
 
+import re
 from pathlib import Path
 
 import cantools.database
 from cantools.database.can import Database, Message, Signal
 
+from sidestep.controller.can_port.codec.database import EXTENDED
 from sidestep.plant_models.errors import InputError
 
 FORMATS = {".dbc": "dbc", ".kcd": "kcd", ".sym": "sym", ".arxml": "arxml"}
@@ -28,16 +30,33 @@ def load_database(path: Path) -> tuple[Database, str]:
     except Exception as error:
         strictly = error
     try:
-        return _parsed(text, kind, strict=False), " ".join(str(strictly).split())
+        return _parsed(_mended(text, kind), kind, strict=False), " ".join(str(strictly).split())
     except Exception as error:  # cantools raises its own, its parser's and the standard library's errors
         raise InputError(str(path), f"cannot be read: {' '.join(str(error).split())}", f"a {kind} file") from error
 
 
 def _parsed(text: str, kind: str, strict: bool) -> Database:
-    database = cantools.database.load_string(text, database_format=kind, strict=strict, sort_signals=None)
+    database = cantools.database.load_string(text, database_format=kind, strict=strict)
     if not isinstance(database, Database):
         raise ValueError("describes no CAN bus")
     return database
+
+
+_NUMBERED = re.compile(r"^(\s*SG_ |(?:CM_|BA_ \"\w+\"|VAL_|SIG_VALTYPE_)(?: SG_)? \d+ )(\d\w*)(?=\s)", re.MULTILINE)
+
+
+_MESSAGE = re.compile(r"^BO_ (\d+) ", re.MULTILINE)
+
+
+def _mended(text: str, kind: str) -> str:
+    """What no parser takes: names of signals that begin with a digit, long identifiers without the flag of such."""
+    if kind != "dbc":
+        return text
+    text = _NUMBERED.sub(r"\1_\2", text)
+    for number in {int(found) for found in _MESSAGE.findall(text)}:
+        if 0x7FF < number <= 0x1FFFFFFF:
+            text = re.sub(rf"\b([A-Z_]+_) {number}\b", rf"\1 {number | EXTENDED}", text)
+    return text
 
 
 def _text(path: Path) -> str:
@@ -72,12 +91,21 @@ def message_named(database: Database, name: str, where: str) -> Message:
     )
 
 
+_PLACE = re.compile(r"(\d+)\|(\d+)@([01])([+-])?")
+
+
 def signal_named(message: Message, name: str, where: str) -> Signal:
-    """A signal by its name.
+    """A signal by its name, or by its place as a .dbc has it, such as 8|4@1+, where the database leaves it out.
 
     Raises:
-        InputError: There is none.
+        InputError: There is none, or it does not fit into the message.
     """
+    if place := _PLACE.fullmatch(name):
+        start, length = int(place[1]), int(place[2])
+        if length == 0 or start >= 8 * message.length or length > 8 * message.length:
+            raise InputError(where, f"{name} is outside {message.name}", f"bits 0 to {8 * message.length - 1}")
+        order = "little_endian" if place[3] == "1" else "big_endian"
+        return Signal(name, start, length, order, is_signed=place[4] == "-")
     for signal in message.signals:
         if signal.name == name:
             return signal

@@ -146,6 +146,9 @@ def _values(counter: m.Counter, highest: int, where: str) -> tuple[int, ...]:
     return kept
 
 
+_TWO_SIDED = ("SteerCmd_Angle", "SteerStatus_Angle", "SteerStatus_Rate", "VehDyn_YawRate", "VehDyn_AccLat")
+
+
 @dataclass(frozen=True)
 class Number:
     """One quantity in its signal.
@@ -156,6 +159,7 @@ class Number:
         where: Its bits.
         ratio, offset: `physical = ratio * value + offset`.
         sign: Where the sign is, if the signal has none, and its raw value to the right.
+        limits: Smallest and largest raw number.
         to_theirs, to_ours: What it is taken through before and after.
     """
 
@@ -164,6 +168,7 @@ class Number:
     where: Field
     ratio: float
     offset: float
+    limits: tuple[int, int]
     sign: tuple[Field, int] | None = None
     to_theirs: Callable[[float], float] = field(default=lambda value: value)
     to_ours: Callable[[float], float] = field(default=lambda value: value)
@@ -175,7 +180,7 @@ class Number:
             bit, negative = self.sign
             bit.put(data, negative if physical < 0.0 else 1 - negative)
             physical = abs(physical)
-        low, high = _range(self.signal)
+        low, high = self.limits
         steps = (physical - self.signal.offset) / self.signal.scale
         self.where.put(data, round(min(max(steps, low), high)))
 
@@ -190,16 +195,16 @@ class Number:
         return self.to_ours((physical - self.offset) / self.ratio)
 
 
-def _range(signal: Signal) -> tuple[int, int]:
-    """Raw range: of the bits, and of the limits that the database gives, if these are any."""
+def _limits(signal: Signal, neutral: float, two_sided: bool) -> tuple[int, int]:
+    """Raw range: of the bits, within the limits that the database gives, if these leave room on both sides."""
     low = -(1 << signal.length - 1) if signal.is_signed else 0
     high = low + (1 << signal.length) - 1
-    if signal.minimum is not None and signal.maximum is not None and signal.maximum > signal.minimum:
-        ends = sorted(round((end - signal.offset) / signal.scale) for end in (signal.minimum, signal.maximum))
-        inner = max(low, ends[0]), min(high, ends[1])
-        if inner[1] - inner[0] > 1:  # some databases write [0|1] or [0|0] behind everything
-            return inner
-    return low, high
+    if signal.minimum is None or signal.maximum is None or signal.maximum <= signal.minimum:
+        return low, high
+    if two_sided and not signal.minimum < neutral < signal.maximum:
+        return low, high  # [0|1] and the like behind everything
+    ends = sorted(round((end - signal.offset) / signal.scale) for end in (signal.minimum, signal.maximum))
+    return max(low, ends[0]), min(high, ends[1])
 
 
 def number_of(name: str, message: Message, quantity: m.Quantity, where: str) -> Number:
@@ -219,13 +224,14 @@ def number_of(name: str, message: Message, quantity: m.Quantity, where: str) -> 
         bit = signal_named(message, quantity.sign.signal, f"{where}.sign.signal")
         sign = Field.of(bit), quantity.sign.negative
     side = 1.0 if quantity.positive == "left" else -1.0
-    return Number(name, signal, Field.of(signal), side * quantity.ratio * UNITS[unit], quantity.offset, sign)
+    limits = _limits(signal, quantity.offset, name in _TWO_SIDED and sign is None)
+    return Number(name, signal, Field.of(signal), side * quantity.ratio * UNITS[unit], quantity.offset, limits, sign)
 
 
 def as_curvature(number: Number, wheelbase: float) -> Number:
     """The road-wheel angle as the curvature of a slow turn."""
     return Number(
-        number.name, number.signal, number.where, number.ratio, number.offset, number.sign,
+        number.name, number.signal, number.where, number.ratio, number.offset, number.limits, number.sign,
         lambda angle: tan(angle) / wheelbase, lambda curvature: atan(curvature * wheelbase),
     )  # fmt: skip
 
@@ -261,13 +267,12 @@ class MappedMessage:
     reserved = 0
 
     def encode(self, values: Mapping[str, float], counter: int) -> bytes:
-        """Protected frame of our signals by name; what is not finite is left at the constants, and not enabled."""
+        """Protected frame of our signals by name; if one is not finite all are 0, and it is not enabled."""
         data = bytearray(self.base)
         usable = all(isfinite(values.get(number.name, nan)) for number in self.numbers)
         enable = usable and bool(values.get("SteerCmd_Enable", True))
-        if usable:
-            for number in self.numbers:
-                number.put(data, values[number.name])
+        for number in self.numbers:
+            number.put(data, values[number.name] if usable else 0.0)
         for where, on, off in self.switches:
             where.put(data, on if enable else off)
         state = int(values.get("SteerStatus_State", _FAULT))
