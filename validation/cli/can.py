@@ -2,6 +2,7 @@
 
 import argparse
 import signal
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -54,6 +55,11 @@ def add_can(commands: argparse._SubParsersAction) -> None:
     faults.add_argument("--seed", type=seed, help="of the first case (default: 0)")
     faults.add_argument("--spec", type=Path, metavar="FAULTS.toml", help="one description instead of the cases")
     faults.set_defaults(command=_faults)
+    proposal = parts.add_parser("map", help="propose a mapping file for somebody else's database")
+    proposal.add_argument("file", nargs="?", type=Path, metavar="FILE", help=".dbc, .kcd, .sym or .arxml")
+    proposal.add_argument("--list", action="store_true", help="the mapping files that come with sidestep")
+    proposal.add_argument("--out", type=Path, metavar="BUS.toml", help="write it there; default: to the terminal")
+    proposal.set_defaults(command=_map)
     dbc = parts.add_parser("dbc", help="the message database, to stdout")
     dbc.add_argument("--format", default="dbc", choices=("dbc", "kcd", "sym", "json"), help="default: %(default)s")
     _protection_options(dbc)
@@ -217,6 +223,34 @@ def _faults(options: argparse.Namespace) -> int:
         refuse_beside("--spec", others)
         return one_case(options.spec)
     return campaign(options.count or _CASES, options.corrupt or _CORRUPT, options.seed or 0)
+
+
+def _map(options: argparse.Namespace) -> int:
+    from sidestep.controller.can_port.codec.catalogue import built_in_maps, map_file
+    from sidestep.controller.can_port.codec.foreign import load_database
+    from sidestep.controller.can_port.codec.mapping import read_bus_file
+    from sidestep.controller.can_port.codec.proposal import proposed
+    from sidestep.validation.files import write_text
+
+    if options.list == (options.file is not None):
+        raise InputError("can map", "one thing at a time", "FILE, or --list")
+    if options.list:
+        refuse_beside("--list", {"--out": options.out})
+        for name in built_in_maps():
+            file = read_bus_file(map_file(name))
+            print(f"{name:16}{file.name}{'' if file.dbc else '; needs --dbc'}")
+        return 0
+    database, remarks = load_database(options.file)
+    if remarks:
+        print(f"sidestep: {options.file}: read in spite of: {remarks}", file=sys.stderr)
+    text = proposed(database, options.file)
+    if options.out is None:
+        print(text, end="")
+    else:
+        if options.out.exists():
+            raise InputError(str(options.out), "is there already", "another name")
+        write_text(options.out, text)
+    return 0
 
 
 def _dbc(options: argparse.Namespace) -> int:

@@ -1,6 +1,6 @@
 """The messages of a bus by name: ours, or ours with somebody else's in the place of some of them."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from cantools.database.can import Database, Message
@@ -92,7 +92,7 @@ def mapped_bus(
     if dbc is None and not file.dbc:
         raise InputError(f"{path}: dbc", "names no database", "a file, or --dbc FILE")
     database, remarks = load_database(dbc or path.parent / file.dbc)
-    catalogue: dict[str, BusMessage] = dict(messages(protection))
+    catalogue = _moved(protection, file.identifiers, f"{path}: identifiers")
     catalogue[STEER_CMD.name] = _command(database, file.command, f"{path}: command", wheelbase)
     for k, table in enumerate(file.feedback):
         message = _feedback(database, table, f"{path}: feedback[{k}]", wheelbase)
@@ -100,7 +100,22 @@ def mapped_bus(
             catalogue.pop(STEER_STATUS.name, None)
         catalogue[f"feedback[{k}] {message.name}"] = message
     _refuse_twice(catalogue, str(path))
-    return BusDescription(catalogue, (load_dbc(protection), database), file.limits, remarks)
+    ours = load_dbc(protection)
+    for message in ours.messages:
+        message.frame_id = file.identifiers.get(message.name, message.frame_id)
+    ours.refresh()
+    return BusDescription(catalogue, (ours, database), file.limits, remarks)
+
+
+def _moved(protection: Protection, identifiers: dict[str, int], where: str) -> dict[str, BusMessage]:
+    """Our messages, some of them under other identifiers."""
+    ours = messages(protection)
+    for name, number in identifiers.items():
+        if name not in ours:
+            raise InputError(f"{where}.{name}", "none of our messages", ", ".join(ours))
+        if not 0 <= number <= 0x7FF:
+            raise InputError(f"{where}.{name}", f"{number:#x}", "0 to 0x7FF")
+    return {name: replace(message, frame_id=identifiers.get(name, message.frame_id)) for name, message in ours.items()}
 
 
 def _refuse_twice(catalogue: Catalogue, where: str) -> None:
@@ -108,7 +123,9 @@ def _refuse_twice(catalogue: Catalogue, where: str) -> None:
     for name, message in catalogue.items():
         if message.frame_id in seen:
             first = seen[message.frame_id]
-            raise InputError(where, f"0x{message.frame_id:X} would be both {first} and {name}", "other identifiers")
+            raise InputError(
+                where, f"0x{message.frame_id:X} would be both {first} and {name}", "[identifiers] for ours"
+            )
         seen[message.frame_id] = name
 
 

@@ -16,7 +16,7 @@ _ENCODINGS = ("utf-8-sig", "cp1252")
 
 
 def load_database(path: Path) -> tuple[Database, str]:
-    """Read a database; what was not strictly right with it, or nothing.
+    """Read a database; what was not strictly right with it, and which lines were left out for that, or nothing.
 
     Raises:
         InputError: It cannot be read.
@@ -28,11 +28,32 @@ def load_database(path: Path) -> tuple[Database, str]:
     try:
         return _parsed(text, kind, strict=True), ""
     except Exception as error:
-        strictly = error
-    try:
-        return _parsed(_mended(text, kind), kind, strict=False), " ".join(str(strictly).split())
-    except Exception as error:  # cantools raises its own, its parser's and the standard library's errors
-        raise InputError(str(path), f"cannot be read: {' '.join(str(error).split())}", f"a {kind} file") from error
+        strictly = " ".join(str(error).split())
+    text, left_out = _mended(text, kind), []
+    while True:
+        try:
+            return _parsed(text, kind, strict=False), "; ".join([strictly, *left_out])
+        except Exception as error:  # cantools raises its own, its parser's and the standard library's errors
+            why = " ".join(str(error).split())
+            text, line = _without(text, why)
+            if line is None:
+                raise InputError(str(path), f"cannot be read: {why}", f"a {kind} file") from error
+            left_out.append(f"left out: {line}")
+
+
+_DROPPABLE = ("CM_", "VAL_", "BA_", "SIG_GROUP_")
+_UNUSED = re.compile(r"unused VAL_ entries in DBC: (VAL_ \d+ \w+)")
+
+
+def _without(text: str, why: str) -> tuple[str, str | None]:
+    """The text without the line of comments, names or attributes that an error names; None if it names none."""
+    lines = text.split("\n")
+    numbered, unused = re.search(r"at line (\d+)", why), _UNUSED.search(why)
+    for k, line in enumerate(lines):
+        named = k + 1 == int(numbered[1]) if numbered else unused is not None and line.startswith(unused[1] + " ")
+        if named and line.lstrip().startswith(_DROPPABLE):
+            return "\n".join(lines[:k] + [""] + lines[k + 1 :]), line.strip()[:60]
+    return text, None
 
 
 def _parsed(text: str, kind: str, strict: bool) -> Database:
@@ -42,7 +63,9 @@ def _parsed(text: str, kind: str, strict: bool) -> Database:
     return database
 
 
-_NUMBERED = re.compile(r"^(\s*SG_ |(?:CM_|BA_ \"\w+\"|VAL_|SIG_VALTYPE_)(?: SG_)? \d+ )(\d\w*)(?=\s)", re.MULTILINE)
+_NUMBERED = re.compile(
+    r"^(\s*SG_ |BO_ \d+ |(?:CM_|BA_ \"\w+\"|VAL_|SIG_VALTYPE_)(?: SG_)? \d+ )(\d\w*)(?=\s|:)", re.MULTILINE
+)
 
 
 _MESSAGE = re.compile(r"^BO_ (\d+) ", re.MULTILINE)

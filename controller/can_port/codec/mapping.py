@@ -194,6 +194,7 @@ class BusFile(_Table, frozen=True, kw_only=True):
         command: The message that steers.
         feedback: The messages that come back.
         limits: What the interface lets pass.
+        identifiers: Others than in steer.dbc for those of our messages that remain, by name.
     """
 
     name: str = ""
@@ -202,6 +203,7 @@ class BusFile(_Table, frozen=True, kw_only=True):
     command: Command
     feedback: tuple[Feedback, ...] = ()
     limits: Limits = msgspec.field(default_factory=Limits)
+    identifiers: dict[str, int] = msgspec.field(default_factory=dict)
 
 
 def read_bus_file(path: Path) -> BusFile:
