@@ -29,12 +29,14 @@ from sidestep.controller.can_port.codec.messages import (
     decode_steer_command,
 )
 from sidestep.controller.can_port.codec.samples import sample_number
+from sidestep.controller.can_port.interface import Interface
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
 
 OLDEST_ANSWER = 0.3
 """Age from which on a state is too old for a command that answers it to be followed, in [s]."""
 
+_STEP = 1e-3  # coarsest step of the angle in a mapped message, in [rad]
 _INSTANT = 1e-9  # two times closer than this are the same, in [s]
 
 
@@ -67,21 +69,29 @@ class Actuator:
 
     Args:
         config: Limits.
-        message: STEER_CMD in the protection in use.
+        message: The message that steers.
+        interface: What lies before it and blocks what passes its limits; None for nothing.
 
     Attributes:
         state: Present state.
         report: What the last `step` has to say on STEER_STATUS; None before it.
         channel: Receiving end of the command.
         implausible: Commands that came through the channel but cannot have been meant.
+        blocked: Commands that the interface did not let pass.
     """
 
-    def __init__(self, config: ActuatorConfig | None = None, message: BusMessage = STEER_CMD):
+    def __init__(
+        self,
+        config: ActuatorConfig | None = None,
+        message: BusMessage = STEER_CMD,
+        interface: Interface | None = None,
+    ):
         self.config = config or ActuatorConfig()
         self.state = ActuatorState.INIT
         self.report: SteerStatus | None = None
         self.channel = Channel(message)
-        self.implausible = 0
+        self.implausible = self.blocked = 0
+        self._interface = interface
         self._slowness = max(1.0, message.cycle / CYCLE)
         self._frame: SteerFrame | None = None  # the last accepted one
         self._target = self._speed = 0.0
@@ -123,10 +133,23 @@ class Actuator:
     def _receive(self, frames: Iterable[bytes | bytearray], time: float) -> None:
         for data in self.channel.take(frames):
             frame = self._with_speed(decode_steer_command(data, time, self.channel.message))
-            if frame.plausible and self._can_be_next(frame):
-                self._frame = frame
-            else:
+            if not (frame.plausible and self._can_be_next(frame)):
                 self.implausible += 1
+            elif not self._passes(frame):
+                self.blocked += 1
+            else:
+                self._frame = frame
+
+    def _passes(self, frame: SteerFrame) -> bool:
+        """Whether the interface lets a command pass; one cycle more, for frames that waited on their way."""
+        if self._interface is None or self._last is None or not frame.enable:
+            return True
+        command, cycle = frame.command, self.channel.message.cycle
+        if self._frame and self._frame.enable:
+            last, elapsed = self._frame.command.steer_angle, command.time - self._frame.command.time + cycle
+        else:
+            last, elapsed = self._last.steer_angle, cycle
+        return self._interface.passes(command.steer_angle, last, self._last.v_x, elapsed, _STEP)
 
     def _with_speed(self, frame: SteerFrame) -> SteerFrame:
         """A command that carries no speed asks for the one at which steering began."""

@@ -53,6 +53,7 @@ class CommandRecord:
         hold_age: What the actuator bridges, in [s].
         senders: 2 if there must have been more than one, else 1.
         strangers: Frames that came from elsewhere under an identifier of this node.
+        blocked: Commands that the interface did not let pass.
     """
 
     cycles: int
@@ -65,6 +66,7 @@ class CommandRecord:
     hold_age: float
     senders: int
     strangers: int = 0
+    blocked: int = 0
 
     @property
     def fail_safe(self) -> float:
@@ -79,6 +81,7 @@ class CommandRecord:
             "checks": {status.value: count for status, count in self.checks.items()},
             "implausible": self.implausible, "lost": self.lost, "longest_silence_s": self.longest_silence,
             "silent_at_end_s": self.silent_at_end, "senders": self.senders, "strangers": self.strangers,
+            "blocked": self.blocked,
         }  # fmt: skip
 
 
@@ -95,7 +98,7 @@ class CommandWatch:
     several_senders: bool = False
     _states: Counter[ActuatorState] = field(default_factory=Counter)
     _checks: Counter[CheckStatus] = field(default_factory=Counter)
-    _before: tuple[int, int] = (0, 0)  # implausible and lost, when it began
+    _before: tuple[int, int, int] = (0, 0, 0)  # implausible, lost and blocked, when it began
     _began: float = -inf
     _time: float = -inf
     _heard: float = -inf
@@ -106,7 +109,7 @@ class CommandWatch:
         """From `time`, in [s], on it counts."""
         self._states.clear()
         self._checks = Counter(self.actuator.channel.receiver.counts)
-        self._before = self.actuator.implausible, self.actuator.channel.receiver.lost
+        self._before = self.actuator.implausible, self.actuator.channel.receiver.lost, self.actuator.blocked
         self._began, self._heard, self._silence, self.several_senders = time, time, 0.0, False
 
     def see(self, time: float, commands: Sequence[bytes | bytearray]) -> None:
@@ -143,6 +146,7 @@ class CommandWatch:
             hold_age=self.actuator.hold_age,
             senders=1 + self.several_senders,
             strangers=strangers,
+            blocked=self.actuator.blocked - self._before[2],
         )
 
 
@@ -158,6 +162,8 @@ def findings(record: CommandRecord) -> tuple[Finding, ...]:
          f"no command for the last {record.silent_at_end:.2f} s"),
         (record.implausible > 0, "implausible commands", "inconclusive",
          f"{record.implausible} intact commands that cannot have been meant"),
+        (record.blocked > 0, "blocked by the interface", "fail",
+         f"{record.blocked} commands beyond what the interface lets pass"),
         (record.fail_safe > 0.0, "fail-safe", "fail", f"actuator in fail-safe for {record.fail_safe:.2f} s"),
         (wrong > 0, "wrong sequence", "inconclusive", f"{wrong} commands out of sequence"),
         (corrupt > 0, "corrupt commands", "inconclusive", f"{corrupt} commands with a wrong CRC or length"),

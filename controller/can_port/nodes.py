@@ -29,6 +29,7 @@ from sidestep.controller.can_port.codec.messages import (
 )
 from sidestep.controller.can_port.codec.samples import VEHICLE_STATE, encode_vehicle_state
 from sidestep.controller.can_port.findings import CommandWatch, StateRecord
+from sidestep.controller.can_port.interface import Interface
 from sidestep.controller.can_port.listener import VEHICLE_NODES, Sample, StateListener
 from sidestep.controller.can_port.protection.e2e import ACCEPTED, CheckStatus, Receiver
 from sidestep.controller.plan import Plan
@@ -51,10 +52,12 @@ class Steering:
     Args:
         controller: Is reset when the first state comes, and when the vehicle's clock has started again.
         cycle: Time between two commands, in [s].
+        interface: What the angle has to pass; None for nothing.
     """
 
-    def __init__(self, controller: SteeringController, cycle: float = CYCLE):
-        self._controller = controller
+    def __init__(self, controller: SteeringController, cycle: float = CYCLE, interface: Interface | None = None):
+        self._controller, self._interface, self._cycle = controller, interface, cycle
+        self._angle: float | None = None  # last let pass
         self._cycles_per_step = max(1, round(controller.config.period / cycle))
         self._began: Sample | None = None
         self._cycles = 0  # since there was something to steer by
@@ -75,11 +78,15 @@ class Steering:
             time = (sample.number - self._began.number) * CYCLE
             self._command = self._controller.step(replace(sample.state, time=time))
         self._cycles += 1
-        return self._command
+        if self._interface is None:
+            return self._command
+        last = sample.state.steer_angle if self._angle is None else self._angle
+        self._angle = self._interface.limited(self._command.steer_angle, last, sample.state.v_x, self._cycle)
+        return replace(self._command, steer_angle=self._angle)
 
     def pause(self) -> None:
         """A cycle with nothing to steer by."""
-        self._cycles = 0
+        self._cycles, self._angle = 0, None
 
 
 class ControllerNode:
@@ -87,7 +94,8 @@ class ControllerNode:
 
     Args:
         controller: Is reset when the first state arrives; that moment is time 0 for it.
-        catalogue: The messages in the protection in use.
+        catalogue: The messages in use.
+        interface: What the angle has to pass; None for nothing.
 
     Attributes:
         listener: The vehicle's state as received.
@@ -96,10 +104,15 @@ class ControllerNode:
         heard: Time of the last cycle in which there was, in [s]; None before the first.
     """
 
-    def __init__(self, controller: SteeringController, catalogue: Catalogue | None = None):
+    def __init__(
+        self,
+        controller: SteeringController,
+        catalogue: Catalogue | None = None,
+        interface: Interface | None = None,
+    ):
         catalogue = catalogue or messages()
         self._controller, self._messages = controller, catalogue
-        self._steering = Steering(controller, catalogue[STEER_CMD.name].cycle)
+        self._steering = Steering(controller, catalogue[STEER_CMD.name].cycle, interface)
         literal = controller.config.formulation == "paper"  # its angle is free to jump
         self._rate_limit = MAX_RATE_LIMIT if literal else controller.vehicle.steer_rate_limit
         self.listener = StateListener(catalogue)
@@ -175,6 +188,7 @@ class VehicleNode:
     Args:
         catalogue: The messages in the protection in use.
         config: Limits of the actuator.
+        interface: What lies before it; None for nothing.
 
     Attributes:
         actuator: The steering actuator.
@@ -182,12 +196,17 @@ class VehicleNode:
         reports: Time of arrival, in [s], and content of every CTRL_STATUS.
     """
 
-    def __init__(self, catalogue: Catalogue | None = None, config: ActuatorConfig | None = None):
+    def __init__(
+        self,
+        catalogue: Catalogue | None = None,
+        config: ActuatorConfig | None = None,
+        interface: Interface | None = None,
+    ):
         self._messages = catalogue or messages()
         self._sample = [self._messages[message.name] for message in VEHICLE_STATE]
         self._foreign = [m for m in self._messages.values() if not m.tied and m.sender in VEHICLE_NODES]
         self._command = self._messages[STEER_CMD.name]
-        self.actuator = Actuator(config, self._command)
+        self.actuator = Actuator(config, self._command, interface)
         self.watch = CommandWatch(self.actuator)
         self.reports: list[tuple[float, ControllerStatus]] = []
         self._report = self._messages[CTRL_STATUS.name]

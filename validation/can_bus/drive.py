@@ -94,6 +94,9 @@ class FarController:
                 self.link.begin()
                 self.node.watch.begin(now)
                 return now
+        if actuator.blocked:
+            what = f"{actuator.blocked} commands blocked by the interface's limits, none let pass in {PATIENCE:g} s"
+            raise InputError("can", what, "sidestep can drive with the same --map")
         raise InputError("can", f"no controller answers within {PATIENCE:g} s", "sidestep can drive on the same bus")
 
     def _cycle(self, state: VehicleState, valid: bool = True) -> float:
@@ -169,9 +172,10 @@ def drive_virtual(
         bus: What travels; None for our own messages.
         controller: One to use again; None makes it.
     """
-    catalogue = (bus or own_bus()).messages
-    far = ControllerNode(controller or bare_controller(scenario), catalogue)
-    vehicle = VehicleNode(catalogue, _actuator(scenario))
+    bus = bus or own_bus()
+    catalogue = bus.messages
+    far = ControllerNode(controller or bare_controller(within(scenario, bus)), catalogue, bus.interface)
+    vehicle = VehicleNode(catalogue, _actuator(scenario), bus.interface)
     recording = drive_over(VirtualTimeLink(far, faults, catalogue), vehicle, plant, scenario)
     return VirtualRun(recording, vehicle, far, findings(vehicle.watch.record()))
 
@@ -192,8 +196,9 @@ def run_plant(
         InputError: Plant, bus or folder cannot be used, or no controller answers.
         PlantError: The plant cannot be built or cannot start.
     """
-    catalogue = (bus or own_bus()).messages
-    node = VehicleNode(catalogue, _actuator(scenario))
+    bus = bus or own_bus()
+    catalogue = bus.messages
+    node = VehicleNode(catalogue, _actuator(scenario), bus.interface)
     with open_plant(scenario) as plant:
         start, _ = reset_to(plant, scenario.start, scenario.plant)  # refused here, before anything is written
         plant.step(SteeringCommand(start.time, start.steer_angle, scenario.speed), CYCLE)  # load the kernels
@@ -225,11 +230,12 @@ def run_controller(
     Raises:
         InputError: Bus or folder cannot be used, or no vehicle answers.
     """
-    controller = bare_controller(scenario)
+    bus = bus or own_bus()
+    catalogue = bus.messages
+    controller = bare_controller(within(scenario, bus))
     for _ in range(3):
         controller.step(scenario.start)  # load the kernels before the clock runs
-    catalogue = (bus or own_bus()).messages
-    node = ControllerNode(controller, catalogue)
+    node = ControllerNode(controller, catalogue, bus.interface)
     with made(folder):
         link = RealTimeLink(resolve_spec(can, True), _CONTROLLER, catalogue, folder / log, allow_real_bus, True)
     with link, _undisturbed():
@@ -268,6 +274,16 @@ def _serve(link: RealTimeLink, node: ControllerNode) -> tuple[bool, float]:
         finally:
             link.send(node.leave())
     return interrupted, used / max(CYCLE, (node.heard or 0.0) - began[0]) if began else 0.0
+
+
+def within(scenario: Scenario, bus: BusDescription) -> Scenario:
+    """The scenario with a car that steers no faster and no farther than the interface lets pass at its speed."""
+    if bus.interface is None:
+        return scenario
+    car = scenario.vehicle
+    rate = min(car.steer_rate_limit, bus.interface.rate(scenario.speed))
+    limit = min(car.steer_limit, bus.interface.highest(scenario.speed))
+    return replace(scenario, vehicle=replace(car, steer_rate_limit=rate, steer_limit=limit))
 
 
 def _actuator(scenario: Scenario) -> ActuatorConfig:

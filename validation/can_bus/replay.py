@@ -13,7 +13,6 @@ from sidestep.controller import SteeringController
 from sidestep.controller.can_port.bus.bus import Bus, key_of
 from sidestep.controller.can_port.bus.log import read_log
 from sidestep.controller.can_port.codec.catalogue import BusDescription, own_bus
-from sidestep.controller.can_port.codec.database import Catalogue, messages
 from sidestep.controller.can_port.codec.messages import (
     ANSWERS,
     STEER_CMD,
@@ -26,6 +25,7 @@ from sidestep.controller.can_port.listener import Assembler, Sample
 from sidestep.controller.can_port.nodes import Steering
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
+from sidestep.validation.can_bus.drive import within
 from sidestep.validation.files import made, written_to
 from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.loop.recording import Array, write_columns
@@ -58,7 +58,8 @@ def what_if(log: Path, scenario: Scenario, out: Path, described: BusDescription 
     Raises:
         InputError: Log, scenario or folder cannot be used.
     """
-    columns, missing = compare(_read(log), bare_controller(scenario), (described or own_bus()).messages)
+    bus = described or own_bus()
+    columns, missing = compare(_read(log), bare_controller(within(scenario, bus)), bus)
     if not len(columns["time"]):
         allowed = "a log of both nodes, as `sidestep can drive` writes one, with the same protection and mapping"
         raise InputError(str(log), "never has both a state to steer by and a command that answers it", allowed)
@@ -97,7 +98,7 @@ _LOGS = ".blf, .asc, .log (candump) or .csv with CAN frames, as python-can write
 
 
 def compare(
-    log: Iterable[can.Message], controller: SteeringController, catalogue: Catalogue | None = None
+    log: Iterable[can.Message], controller: SteeringController, bus: BusDescription | None = None
 ) -> tuple[dict[str, Array], int]:
     """Ask a controller again: one step for every logged command, at the state that the command says it answers.
 
@@ -105,7 +106,7 @@ def compare(
         Columns time, logged angle, the controller's angle, and their difference, wherever the logged command is
         enabled; and how many commands the log lacks by its alive counters.
     """
-    asked = _Asked(controller, messages() if catalogue is None else catalogue)
+    asked = _Asked(controller, bus or own_bus())
     rows = [row for message in log if (row := asked.about(message))]
     time_, logged_angle, mine = np.array(rows, dtype=float).reshape(-1, 3).T
     return {"time": time_, "logged": logged_angle, "asked_now": mine, "difference": mine - logged_angle}, asked.missing
@@ -114,11 +115,11 @@ def compare(
 class _Asked:
     """A controller at the end of a log."""
 
-    def __init__(self, controller: SteeringController, catalogue: Catalogue):
+    def __init__(self, controller: SteeringController, bus: BusDescription):
         self.missing = 0
-        self._command = catalogue[STEER_CMD.name]
-        self._steering = Steering(controller, self._command.cycle)
-        self._assembler = Assembler(catalogue)
+        self._command = bus.messages[STEER_CMD.name]
+        self._steering = Steering(controller, self._command.cycle, bus.interface)
+        self._assembler = Assembler(bus.messages)
         self._samples: deque[Sample] = deque(maxlen=ANSWERS)
         self._exact: dict[int, SteeringCommand] = {}
         self._controller = controller

@@ -1,6 +1,6 @@
 """The messages of a bus by name: ours, or ours with somebody else's in the place of some of them."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cantools.database.can import Database, Message
@@ -25,6 +25,7 @@ from sidestep.controller.can_port.codec.mapped import (
     profile_of,
 )
 from sidestep.controller.can_port.codec.messages import STEER_CMD, STEER_STATUS, ActuatorState
+from sidestep.controller.can_port.interface import Interface
 from sidestep.plant_models.errors import InputError
 
 MAPS = Path(__file__).parents[1] / "maps"
@@ -40,13 +41,13 @@ class BusDescription:
     Attributes:
         messages: By name.
         databases: Which decode them for people.
-        limits: What the interface to the actuator lets pass.
+        interface: What the way to the actuator lets pass; None for everything.
         remarks: What was not strictly right with somebody else's database.
     """
 
     messages: Catalogue
     databases: tuple[Database, ...]
-    limits: m.Limits = field(default_factory=m.Limits)
+    interface: Interface | None = None
     remarks: str = ""
 
 
@@ -104,7 +105,9 @@ def mapped_bus(
     for message in ours.messages:
         message.frame_id = file.identifiers.get(message.name, message.frame_id)
     ours.refresh()
-    return BusDescription(catalogue, (ours, database), file.limits, remarks)
+    car = file.command.wheelbase or wheelbase or _WHEELBASE
+    interface = Interface(file.limits, car) if file.limits != m.Limits() else None
+    return BusDescription(catalogue, (ours, database), interface, remarks)
 
 
 def _moved(protection: Protection, identifiers: dict[str, int], where: str) -> dict[str, BusMessage]:

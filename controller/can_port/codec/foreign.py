@@ -52,7 +52,7 @@ def _without(text: str, why: str) -> tuple[str, str | None]:
     for k, line in enumerate(lines):
         named = k + 1 == int(numbered[1]) if numbered else unused is not None and line.startswith(unused[1] + " ")
         if named and line.lstrip().startswith(_DROPPABLE):
-            return "\n".join(lines[:k] + [""] + lines[k + 1 :]), line.strip()[:60]
+            return "\n".join([*lines[:k], "", *lines[k + 1 :]]), line.strip()[:60]
     return text, None
 
 

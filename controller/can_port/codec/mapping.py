@@ -1,6 +1,7 @@
 """BUS.toml: which messages and signals of somebody else's database carry the steering. See docs/can.md."""
 
 import tomllib
+from math import inf
 from pathlib import Path
 from typing import Literal
 
@@ -167,19 +168,16 @@ class Feedback(MappedTable, frozen=True, kw_only=True):
 
 
 class Limits(_Table, frozen=True, kw_only=True):
-    """What the interface lets pass, by speed; steps and jerk count from one command to the next.
+    """What the interface lets pass, see `interface`.
 
     Attributes:
         angle: Largest road-wheel angle, in [rad].
-        speeds: Speeds of the tables, in [m/s].
-        rate_up, rate_down: Largest road-wheel rate away from and back to straight on, in [rad/s].
-        lateral_acceleration, lateral_jerk: Of a steady turn at the speed, in [m/s^2] and [m/s^3].
+        rate: Largest road-wheel rate, in [rad/s].
+        lateral_acceleration, lateral_jerk: Of a slow turn at the speed, in [m/s^2] and [m/s^3].
     """
 
     angle: float | None = None
-    speeds: tuple[float, ...] = ()
-    rate_up: tuple[float, ...] = ()
-    rate_down: tuple[float, ...] = ()
+    rate: float | None = None
     lateral_acceleration: float | None = None
     lateral_jerk: float | None = None
 
@@ -224,4 +222,8 @@ def read_bus_file(path: Path) -> BusFile:
         raise InputError(f"{path}: {place.strip('.`') or 'file'}", words, "see docs/can.md") from error
     if (file.command.angle is None) == (file.command.curvature is None):
         raise InputError(f"{path}: command", "needs one thing to steer by", "angle or curvature")
+    for name in file.limits.__struct_fields__:
+        value = getattr(file.limits, name)
+        if value is not None and not 0.0 < value < inf:
+            raise InputError(f"{path}: limits.{name}", f"{value}", "a finite number > 0")
     return file
