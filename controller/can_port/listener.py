@@ -78,20 +78,18 @@ class Assembler:
         values: dict[str, float] = {}
         for frame_id, data in parts.items():
             values |= self.messages[frame_id].decode(data)
+        values |= self._loose
         clock, last = round(values["VehHeading_Sample"] / CYCLE), self._last
         number, drive = 0, 0
         if last:
             passed = (clock - self._clock) % SAMPLES if clock != SAMPLES else 1
-            if passed == 0:  # the same once more
-                return None
             known = passed <= _LEAP
             number, drive = last.number + (passed if known else 1), last.drive + (not known)
-        values |= self._loose
         state = None
         if "SteerStatus_Angle" in values:
             state = vehicle_state(values, number * CYCLE, last.state.yaw if last else 0.0)
         self.valid = state is not None
-        if state is None:
+        if state is None or (last and number == last.number):  # or the same once more
             return None
         self._clock = clock
         self._last = Sample(number, drive, state, None if clock == SAMPLES else clock % ANSWERS)

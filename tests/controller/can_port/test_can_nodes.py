@@ -166,6 +166,16 @@ def test_a_state_declared_invalid_is_no_input():
     assert not loop.command.enable
 
 
+def test_a_vehicle_that_leaves_says_so():
+    listener, node = StateListener(messages()), VehicleNode()
+    for k in range(30):
+        listener.take(k * CYCLE, node.step(VehicleState(k * CYCLE, x=float(k), v_x=1.0), [])[1])
+    assert listener.said_valid
+    listener.take(0.3, node.leave())
+    assert not listener.said_valid
+    assert listener.sample.state.x == pytest.approx(29.0)
+
+
 def test_parts_of_different_samples_are_never_mixed():
     listener, node = StateListener(messages()), VehicleNode()
     for k in range(200):

@@ -155,8 +155,8 @@ def test_a_sender_that_does_not_know_the_interface_is_not_followed(monkeypatch):
 def test_an_actuator_follows_what_passes_only():
     message = mapped_bus("pacmod3").messages["STEER_CMD"]
     actuator = Actuator(ActuatorConfig(), message, Interface(Limits(rate=0.2), 2.8))
-    for k in range(40):
-        angle = 0.0015 * min(k, 20) + 0.3 * (k == 30)
+    for k in range(90):
+        angle = 0.0015 * min(max(k - 40, 0), 20) + 0.1 * (k == 75)
         data = encode_steer_command(SteeringCommand(0.0, angle, 15.0), k, True, 1.0, message)
         actuator.step([data] if k % 3 == 0 else [], VehicleState(k * CYCLE, v_x=15.0))
     assert actuator.blocked == 1

@@ -78,6 +78,7 @@ def test_an_undisturbed_drive_passes_at_both_ends_and_can_be_asked_again(drive):
     status = drive.plant()
     assert controller.wait(30.0) == (drive.summary("controller")["verdict"] != "pass")
     assert status == (drive.summary()["verdict"] != "pass")
+    assert "vehicle silent" not in drive.labels("controller")
     if not drive.summary()["can"]["skipped"]:  # a machine that stands still is told, see the other tests
         assert (drive.labels(), drive.labels("controller")) == ([], [])
     scenario = load_scenario("single-obstacle", ["obstacles=[]"])
