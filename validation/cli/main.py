@@ -18,6 +18,7 @@ from typing import NoReturn
 
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.validation.cli.arguments import positive_number
+from sidestep.validation.cli.bus_maps import add_bus_map, described, split_maps
 from sidestep.validation.cli.campaign import add_campaign
 from sidestep.validation.cli.can import add_can
 from sidestep.validation.cli.compare import add_compare, add_golden
@@ -100,7 +101,7 @@ def _add_run(commands: argparse._SubParsersAction) -> None:
     run.add_argument(
         "--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, an .fmu file, or MODULE:FACTORY"
     )
-    run.add_argument("--map", type=Path, metavar="MAP.toml", help="mapping file of an FMU that is not ours")
+    add_bus_map(run, "; and that of an FMU that is not ours")
     run.add_argument(
         "--isolate", type=positive_number, nargs="?", const=5.0, metavar="SECONDS",
         help="run an FMU in a process of its own, with this time limit a step (default: %(const)s)",
@@ -190,7 +191,7 @@ def _run(options: argparse.Namespace) -> int:
     with progress_bar(f"{scenario.name} on {scenario.plant.name}", scenario.duration) as progress:
         run = drive(
             scenario, folder, can, options.coupling, options.allow_real_bus, options.view, progress,
-            options.command_line, options.render,
+            options.command_line, options.render, described(options, scenario).messages["STEER_CMD"],
         )  # fmt: skip
         write_run(run)
     if options.mf4:
@@ -212,6 +213,7 @@ def plant_overrides(options: argparse.Namespace) -> list[str]:
     if options.plant is not None:
         plant = str(Path(options.plant).absolute()) if options.plant.endswith(".fmu") else options.plant
         overrides.append(f"plant.kind={json.dumps(plant)}")
-    if options.map:
-        overrides.append(f"plant.map={json.dumps(str(options.map.absolute()))}")
+    _, maps = split_maps([str(name) for name in options.map or []])
+    if maps:
+        overrides.append(f"plant.map={json.dumps(str(maps[0].absolute()))}")
     return overrides

@@ -4,7 +4,6 @@ The same description gives the arguments of `tc netem` for a real vcan, as far a
 """
 
 import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from heapq import heappop, heappush
 from math import inf
@@ -12,7 +11,7 @@ from pathlib import Path
 from random import Random
 from typing import Annotated
 
-from sidestep.controller.can_port.codec.database import Frame, ProtectedMessage, messages
+from sidestep.controller.can_port.codec.database import BusMessage, Catalogue, Frame, messages
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.ranges import Range, check
 
@@ -128,9 +127,11 @@ class FaultyBus:
         name: Two buses with the same specification and different names draw different random numbers.
     """
 
-    def __init__(self, spec: FaultSpec, catalogue: Mapping[str, ProtectedMessage] | None = None, name: str = ""):
+    def __init__(self, spec: FaultSpec, catalogue: Catalogue | None = None, name: str = ""):
         self.spec = spec
-        self._messages = {message.frame_id: message for message in (catalogue or messages()).values()}
+        self._messages: dict[int, BusMessage] = {
+            message.frame_id: message for message in (catalogue or messages()).values()
+        }
         self._draws = {f.name: Random(f"{spec.seed} {f.name}{name}") for f in fields(spec)}
         self._under_way: list[tuple[float, int, Frame]] = []
         self._sent = 0
@@ -176,7 +177,7 @@ class FaultyBus:
         self._to_lose -= lost
         return lost
 
-    def _at_the_sender(self, message: ProtectedMessage, data: bytes) -> bytes:
+    def _at_the_sender(self, message: BusMessage, data: bytes) -> bytes:
         """Faults of the sender: what it sends is intact, but not what it should be."""
         past = self._last.setdefault(message.frame_id, data)
         if self.spec.freeze:
@@ -202,12 +203,12 @@ class FaultyBus:
             data = data[: self._draws["wrong_length"].randrange(len(data))]
         return data
 
-    def _renumbered(self, message: ProtectedMessage, data: bytes) -> bytes:
+    def _renumbered(self, message: BusMessage, data: bytes) -> bytes:
         offset, counter = self._offsets.get(message.frame_id, 0), message.profile.counter_of(data)
         return _protect(message, data, counter + offset) if offset and counter is not None else data
 
 
-def _protect(message: ProtectedMessage, data: bytes, counter: int) -> bytes:
+def _protect(message: BusMessage, data: bytes, counter: int) -> bytes:
     """The payload of `data` under a fresh header."""
     fresh = bytearray(data)
     message.profile.protect(fresh, counter % message.profile.counters)

@@ -81,9 +81,8 @@ def test_a_wrong_mapping_is_found(name, foreign, tmp_path, in_this_process):
 
 
 def test_the_check_is_made_in_another_process_and_survives_a_crash(tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        sys.modules["sidestep.plant_models.checks.check_plant"], "CONVENTIONS", (clock, determinism, signs)
-    )
+    module = sys.modules["sidestep.plant_models.checks.check_plant"]
+    monkeypatch.setattr(module, "CONVENTIONS", (clock, determinism, signs))
     monkeypatch.setattr(module, "OF_THE_CAR", ())
     table = tmp_path / "map.toml"
     table.write_text(TOLD)
