@@ -5,7 +5,7 @@ object code that needs nothing of its host. Arrays have room for the finest grid
 """
 
 import numpy as np
-from numba import config
+from numba.core import config
 from numpy.typing import NDArray
 
 from sidestep.controller.decision.lattice import LAYERS
@@ -171,7 +171,8 @@ WORK = np.dtype(
 def record(dtype: np.dtype) -> NDArray[np.void]:
     """One record of zeros, shape (1,), whose fields kernels reach by name."""
     made = np.zeros(1, dtype)
-    return made.view(np.recarray) if config.DISABLE_JIT else made
+    without_compiler = bool(getattr(config, "DISABLE_JIT", False))
+    return made.view(np.recarray) if without_compiler else made
 
 
 def filled(dtype: np.dtype, values: dict) -> NDArray[np.void]:
