@@ -1,4 +1,4 @@
-"""Whatever comes in, and whenever it is saved, restored or reset: the controller answers, with numbers, within its limits.
+"""Whatever comes in, whenever it is saved, restored or reset: the controller answers with numbers, within its limits.
 
 `python tests/properties/test_hostile_steps.py 20000` does more of it than the test, and says what it saw.
 """
