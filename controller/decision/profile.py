@@ -10,8 +10,6 @@ LEAST_VIEW, VIEW_TIME = 20.0, 2.0
 """What the profile looks ahead beyond a comfortable stop, in [m] and in [s] at the present speed."""
 RESPONSE = 0.5
 """How far ahead in time the speed is taken that is asked for now, in [s]: a speed control takes so long to follow."""
-BRAKING_DELAY = 0.1
-"""Until the brakes act, in [s]."""
 STRAIGHT = 1e-6
 """Curvature that is none, in [1/m]."""
 
@@ -45,8 +43,7 @@ def profile(w, c, road, speed, cruise):
             caps[i] = min(caps[i], max(w.gap_speed, 0.0))
     braking = c.comfort_braking
     for i in range(1, PROFILE):
-        room = max(i * step - BRAKING_DELAY * v, 0.5 * step)
-        braking = max(braking, 0.5 * (v * v - caps[i] * caps[i]) / room)
+        braking = max(braking, 0.5 * (v * v - caps[i] * caps[i]) / (i * step))
     _make_drivable(caps, step, v, min(braking, p.braking), p.acceleration)
     return bends
 
