@@ -90,7 +90,7 @@ def answer(m, w, c, state, solved):
 @kernel
 def _speed(m, w, c, v):
     """Speed to hold, and free distance before what blocks the road."""
-    grid, target, distance = c.grid, m.cruise, math.inf
+    grid, target, distance = c.grid, min(m.cruise, w.bend_speed), math.inf
     horizon = grid.times[grid.nodes - 1]
     if w.blocked:
         distance = w.gap - c.standstill_gap
