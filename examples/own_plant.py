@@ -77,9 +77,7 @@ def main() -> None:
             command = controller.step(state)
             state = plant.step(command, dt=0.02)
             if step % 100 == 99:
-                print(
-                    f"{state.time:4.1f} s: {state.x:5.1f} m along, {state.y:+.2f} m left, {command.status.name}"
-                )
+                print(f"{state.time:4.1f} s: {state.x:5.1f} m along, {state.y:+.2f} m left, {command.status.name}")
 
 
 if __name__ == "__main__":
