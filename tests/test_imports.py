@@ -20,7 +20,7 @@ VALIDATION = (
 """The same of its rooms."""
 
 KNOWN = {"controller": {("records", "decision")}, "fmu": {("importing", "native")}}
-"""Arrows that run back: the memory's size is that of the lattice, and `FmuPlant.native` builds the FMU that it opens."""
+"""Arrows that run back: the memory is as large as the lattice; `FmuPlant.native` builds the FMU that it opens."""
 
 ALL = {"numpy", "scipy", "numba", "llvmlite", "piqp"}
 """What the controller may load beside the standard library (llvmlite is numba's)."""
