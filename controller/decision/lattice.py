@@ -7,6 +7,7 @@ does not flicker; their spacing grows with speed, which makes (8) a bound on lat
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sidestep.plant_models.kernels import Array, kernel
 
@@ -52,7 +53,7 @@ def arrival_times(stations: Array, speed: float, cruise: float, acceleration: fl
 @kernel
 def shortest_path(
     cost: Array, first_weight: float, weight: float, reach: int, start: float, start_reach: float, home: float
-) -> tuple[Array, float]:
+) -> tuple[NDArray[np.int64], float]:
     """Path of least cost through all layers, exactly.
 
     Args:

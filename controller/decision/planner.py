@@ -12,7 +12,7 @@ from sidestep.controller.decision.costs import Lattice, node_costs
 from sidestep.controller.decision.lattice import LATERAL_STEP, LAYERS, arrival_times, layer_spacing, shortest_path
 from sidestep.controller.decision.stopping import GRIP_SHARE
 from sidestep.controller.decision.view import View
-from sidestep.plant_models.kernels import Array, Record, kernel
+from sidestep.plant_models.kernels import Record, kernel
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 
 FREE, GAP_TOO_NARROW = -1, -2

@@ -9,8 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sidestep.controller.decision.corridor import obstacle_polygons
+from sidestep.controller.decision.costs import (
+    APPROACH_SHARE,
+    BLOCKED_COST,
+    COLLISION_COST,
+    FAR_SHARE,
+    RETURN_SHARE,
+    RETURN_TIME,
+    Lattice,
+    node_costs,
+)
 from sidestep.controller.decision.lattice import LATERAL_STEP, arrival_times, shortest_path
-from sidestep.controller.decision.costs import APPROACH_SHARE, BLOCKED_COST, COLLISION_COST, FAR_SHARE, Lattice, RETURN_SHARE, RETURN_TIME, node_costs
 from sidestep.controller.decision.planner import FREE, GAP_TOO_NARROW, PlannedPath, PlannerSettings, Start, plan_path
 from sidestep.controller.decision.view import View
 
