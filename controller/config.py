@@ -33,6 +33,8 @@ class ControllerConfig:
         weight_acceleration, weight_jerk: Of lateral acceleration [s^4/m^2] and jerk [s^6/m^2].
         weight_rate: Of the steering rate itself, in [s^2/rad^2]; keeps standstill well-posed.
         corridor_penalty, slip_penalty: Linear cost of leaving the corridor [1/m] or the slip bound [1/rad].
+        solver: Of the QP where a bound acts: "piqp", or "active-set", which is compiled with the step; where that one
+            does not come to an end, PIQP is asked. Both give the optimum.
         tyre_model: "affine" takes tangents to the Magic Formula about the last plan, "linear" the
             cornering stiffness of the paper.
         body_roll: Predict how the body rolls, and what tyres feel of it, from the vehicle's suspension data: for
@@ -41,9 +43,10 @@ class ControllerConfig:
         slip_share: Bound on front and rear slip angle, as a share of the angle at which the axle peaks.
         validity: File of `sidestep validate` (validity.json): slip angles then also stay where lateral acceleration
             is within its limits for this speed and friction; empty for none.
-        estimate_friction: Lower the friction where the car's lateral acceleration speaks against it.
         reject_disturbance: Learn steering offset and lateral force that the model lacks.
         comfort_braking: Deceleration used where the distance allows it, in [m/s^2].
+        bend_acceleration: Lateral acceleration that sets the speed in bends, in [m/s^2]; less where friction or
+            `validity` allow less.
         standstill_gap: Distance left to what blocks the road, in [m].
         max_lateral_acceleration: a_y,max of Eq. (14), in [m/s^2]; `paper` only.
         weight_steer: R of Eq. (15), which the paper does not give; below about 20 its closed loop oscillates
@@ -74,14 +77,15 @@ class ControllerConfig:
     weight_rate: Annotated[float, Range(1e-6, 1e6, "s²/rad²")] = 0.5
     corridor_penalty: Annotated[float, Range(0.001, 1e6, "1/m")] = 300.0
     slip_penalty: Annotated[float, Range(0.001, 1e6, "1/rad")] = 300.0
+    solver: str = "piqp"
     tyre_model: str = "affine"
     body_roll: bool = False
     friction: Annotated[float, Range(0.01, 5.0)] = 1.0
     slip_share: Annotated[float, Range(0.01, 10.0)] = 0.8
     validity: str = ""
-    estimate_friction: bool = False
     reject_disturbance: bool = True
     comfort_braking: Annotated[float, Range(0.01, 50.0, "m/s²")] = 3.0
+    bend_acceleration: Annotated[float, Range(0.01, 100.0, "m/s²")] = 4.0
     standstill_gap: Annotated[float, Range(0.0, 100.0, "m")] = 2.0
     max_lateral_acceleration: Annotated[float, Range(0.01, 100.0, "m/s²")] = 8.0
     weight_steer: Annotated[float, Range(1e-6, 1e6)] = 50.0
@@ -120,8 +124,8 @@ PRESETS: dict[str, dict[str, Any]] = {"default": {}, "paper": {"formulation": "p
 
 _CHOICES: dict[str, tuple[str, ...] | tuple[bool, ...]] = {
     "formulation": ("corridor", "paper"),
+    "solver": ("piqp", "active-set"),
     "tyre_model": ("affine", "linear"),
     "body_roll": (True, False),
-    "estimate_friction": (True, False),
     "reject_disturbance": (True, False),
 }

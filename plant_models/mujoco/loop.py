@@ -2,21 +2,20 @@
 
 Between `mj_step1` (positions, velocities, contacts) and `mj_step2` (forces, motion) the tyres, the speed
 control and the steering act. MuJoCo's own two C functions are linked by name, so that a whole control
-period is one compiled call that holds no lock and can be cached.
+period is one compiled call that holds no lock and can be cached; they are those of `library`'s copy.
 """
 
 import ctypes
 import math
-from pathlib import Path
 from typing import Any
 
 import llvmlite.binding as llvm
-import mujoco
 import numpy as np
 from numba import config, types
 
 from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.linear.plant import steered
+from sidestep.plant_models.mujoco.library import load_own_copy
 from sidestep.plant_models.speed_control import limited_acceleration
 from sidestep.plant_models.tyres.contact import PATCH, dot, tyres
 
@@ -25,34 +24,25 @@ _SLIP_RELEASE = 0.2  # slip at which drive and brakes let go (anti-lock)
 _HOLD_SPEED, _HOLD_TARGET = 0.1, 0.05  # brakes hold the car below the one when the other is asked, [m/s]
 _ABSURD = 1e5  # no joint moves that fast, [m/s] or [rad/s]
 
-_FOLDER = Path(mujoco.__file__).parent
-_LIBRARY = str(next(file for pattern in ("libmujoco*", "mujoco.dll") for file in _FOLDER.glob(pattern)))
-_CLOCK = ctypes.c_void_p.in_dll(ctypes.CDLL(_LIBRARY), "mjcb_time")
+_LIBRARY = load_own_copy()
 
 
 def _native(name: str) -> Any:
     """MuJoCo's C function of (mjModel*, mjData*), as compiled or, without numba, as plain Python calls it."""
+    function = getattr(_LIBRARY, name)
     if config.DISABLE_JIT:  # pyright: ignore[reportAttributeAccessIssue]  (numba fills config at run time)
-        function = getattr(ctypes.CDLL(_LIBRARY), name)
         function.argtypes, function.restype = [ctypes.c_void_p, ctypes.c_void_p], None
         return function
-    llvm.load_library_permanently(_LIBRARY)
-    return types.ExternalFunction(name, types.void(types.intp, types.intp))
+    own_name = f"sidestep_{name}"
+    llvm.add_symbol(own_name, ctypes.cast(function, ctypes.c_void_p).value)
+    return types.ExternalFunction(own_name, types.void(types.intp, types.intp))
 
 
 _mj_step1, _mj_step2 = _native("mj_step1"), _native("mj_step2")
 
 
-def stop_the_clock() -> None:
-    """Keep MuJoCo from reading the clock in its steps, in the whole process.
-
-    It does so 32 times a step for the profile in `MjData.timer`, which takes a tenth of the step.
-    """
-    _CLOCK.value = None
-
-
 @kernel
-def ackermann(angle, offset):
+def ackermann(angle: float, offset: float) -> float:
     """Angle of a wheel whose kingpin is `offset` wheelbases left of the axle's middle, in [rad]."""
     return math.atan2(math.sin(angle), math.cos(angle) - offset * math.sin(angle))
 

@@ -7,10 +7,14 @@ tunes MuJoCo's own friction to be that shear at the present speed, or leaves tha
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.tyres.formula import tyre_forces
 from sidestep.plant_models.tyres.parameters import TYRE
+
+Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
 
 TYRE_MODES = ("magic-formula", "contact", "stock-contact")
 """Who supplies the shear: the law with relaxation, MuJoCo's contact tuned to the law, MuJoCo's contact."""
@@ -75,19 +79,19 @@ _FORCE = 4 * PATCH + 1  # behind the hull's: contact force of the last step (3) 
 
 
 @kernel
-def dot(a, b):
+def dot(a: Vector, b: Vector) -> float:
     """Scalar product of two vectors of three."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel
-def cross(a, b):
+def cross(a: Vector, b: Vector) -> Vector:
     """Vector product, as a tuple."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @kernel
-def vector(values, start):
+def vector(values: Array, start: int) -> Vector:
     """Three numbers of an array as a tuple; a slice would count references, which costs more than the numbers."""
     return values[start], values[start + 1], values[start + 2]
 

@@ -9,18 +9,19 @@ origin is the cornering stiffness.
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sidestep.plant_models.kernels import kernel
 
 
 @kernel
-def cornering_stiffness(load, p):
+def cornering_stiffness(load: float, p: NDArray[np.void]) -> float:
     """Slope K_y of the pure lateral force at zero slip and camber, in [N/rad]; `load` in [N], `p` from `as_array`."""
     return _stiffness(load, 0.0, p[0])
 
 
 @kernel
-def magic_formula(kappa, alpha, load, friction, p):
+def magic_formula(kappa: float, alpha: float, load: float, friction: float, p: NDArray[np.void]) -> tuple[float, float]:
     """Longitudinal and lateral force of an upright tyre, in [N]; arguments as of `tyre_forces`."""
     fx, fy, _ = tyre_forces(kappa, alpha, 0.0, load, friction, p)
     return fx, fy

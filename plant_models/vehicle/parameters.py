@@ -54,7 +54,7 @@ class VehicleParameters:
     width: Annotated[float, Range(0.05, 20.0, "m")]
     length: Annotated[float, Range(0.1, 100.0, "m")]
     front_overhang: Annotated[float, Range(0.001, 50.0, "m")]
-    cg_height: Annotated[float, Range(0.001, 10.0, "m")]
+    cg_height: Annotated[float, Range(1e-9, 10.0, "m")]
     steer_limit: Annotated[float, Range(0.001, 1.57, "rad")]
     steer_rate_limit: Annotated[float, Range(0.001, 100.0, "rad/s")]
     steer_time_constant: Annotated[float, Range(0.0, 0.99, "s")] = 0.05

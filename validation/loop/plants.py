@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Self
 
-from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.errors import InputError, did_you_mean
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
@@ -17,7 +17,7 @@ from sidestep.validation.loop.delay_line import DelayLine
 from sidestep.validation.loop.plant_factory import installed_plants, plant_of
 from sidestep.validation.scenarios.plant_settings import PlantSettings
 from sidestep.validation.scenarios.scenario import Scenario
-from sidestep.validation.scenarios.tables import did_you_mean, file_at
+from sidestep.validation.scenarios.tables import file_at
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ def true_vehicle(scenario: Scenario) -> VehicleParameters:
 
 
 class ImperfectSteering:
-    """A plant whose wheels are told late, and stand to the left of where they are told to, unknown to its measurement.
+    """A plant with late commands, whose wheels stand to the left of the commanded angle; it measures neither.
 
     Args:
         plant: The plant behind.

@@ -32,6 +32,7 @@ class PlantSettings:
         noise: Of the state that the controller gets, in multiples of `measurement.NOISE`; the judge sees the true one.
         noise_seed: Of that noise.
         measured_offset: By which that state lies to the left of where the car is, in [m].
+        accept_start: Drive a plant that does not start where it is put from where it does; refused otherwise.
         isolate: Time limit of a step of an FMU that runs in a process of its own, in [s]; 0 to run it here.
     """
 
@@ -52,6 +53,7 @@ class PlantSettings:
     noise_seed: Annotated[int, Range(0, 2**63 - 1)] = 0
     measured_offset: Annotated[float, Range(-100.0, 100.0, "m")] = 0.0
     isolate: Annotated[float, Range(0.0, 3600.0, "s")] = 0.0
+    accept_start: bool = False
 
     @property
     def name(self) -> str:
@@ -65,7 +67,9 @@ class PlantSettings:
 
 
 @dataclass
-class _Heights:
+class Heights:
+    """The table `plant.heights`: a file of heights, and where its grid lies."""
+
     path: str
     spacing: Annotated[float, Range(0.001, 1e4, "m")]
     x: Annotated[float, Range(-1e6, 1e6, "m")] = 0.0
@@ -87,5 +91,5 @@ def plant_settings(table: dict[str, Any], folder: Path) -> PlantSettings:
 
 
 def _heights(table: Any, folder: Path) -> HeightField:
-    values = checked(_Heights, table, "plant.heights")
+    values = checked(Heights, table, "plant.heights")
     return HeightField.from_csv(file_at(folder, values.pop("path"), "plant.heights.path"), **values)

@@ -10,7 +10,7 @@ from integration import integrate
 
 from sidestep.fmu.exporting.export import start_plant
 from sidestep.fmu.importing.plant import FmuPlant
-from sidestep.plant_models.check_plant import check_plant
+from sidestep.plant_models.checks.check_plant import check_plant
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.tyres.formula import cornering_stiffness, lateral_force

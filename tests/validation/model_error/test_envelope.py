@@ -10,8 +10,8 @@ from sidestep.fmu.importing.plant import FmuPlant
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.loop.open_loop import drive
 from sidestep.validation.loop.plants import open_plant
+from sidestep.validation.manoeuvres.open_loop import drive
 from sidestep.validation.model_error import envelope as module
 from sidestep.validation.model_error.envelope import (
     FRICTIONS,

@@ -6,10 +6,10 @@ import pytest
 
 from sidestep.fmu.importing.plant import FmuPlant
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.loop.open_loop import Response, drive
 from sidestep.validation.manoeuvres.catalogue import Manoeuvre, Ramp, Sine
-from sidestep.validation.manoeuvres.rating import rate
+from sidestep.validation.manoeuvres.open_loop import Response, drive
 from sidestep.validation.model_error.theil import theil
+from sidestep.validation.report.compare.rating import rate
 
 CAR = VehicleParameters.preset("bmw-320i")
 

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.validation.judge.geometry import car_boxes, obstacle_boxes, signed_clearance
-from sidestep.validation.scenarios.scenario import built_in_scenarios, load_scenario
+from sidestep.validation.geometry import car_boxes, obstacle_boxes, signed_clearance
+from sidestep.validation.scenarios.library import built_in_scenarios
+from sidestep.validation.scenarios.scenario import load_scenario
 from sidestep.validation.scenarios.tables import override
 
 SMALL = """

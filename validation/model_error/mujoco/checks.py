@@ -15,7 +15,7 @@ from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.tyres.formula import magic_formula
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
-from sidestep.validation.judge.geometry import Array
+from sidestep.validation.geometry import Array
 from sidestep.validation.model_error.mujoco.rig import crab
 
 _SMALL = math.radians(0.05)  # slip angle where the force is still linear, [rad]

@@ -15,7 +15,7 @@ from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.tyres.contact import TYRE_MODES
 from sidestep.plant_models.tyres.formula import lateral_force
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.judge.geometry import Array
+from sidestep.validation.geometry import Array
 from sidestep.validation.model_error.mujoco.rig import crab
 from sidestep.validation.report.style import BLUE, GREEN, INK, ORANGE, styled
 
