@@ -65,7 +65,7 @@ def test_a_file_of_heights_reaches_the_plant_from_the_scenario_s_folder(tmp_path
     ("override", "where"),
     [
         ("plant.tyre=rubber", "moose: plant.tyre"),
-        ("plant.grade=3.0", "plant.grade"),
+        ("plant.grade=3.0", "moose: plant.grade"),
         ("plant.patches=[{s=20, l=0, length=10, width=8}]", r"moose: plant.patches[0].friction"),
         ("plant.heights={spacing=1.0}", "moose: plant.heights.path"),
         ("plant.heights={path='h.csv', spacing=0.0}", "moose: plant.heights.spacing"),
