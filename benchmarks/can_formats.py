@@ -86,7 +86,9 @@ def row(name: str, folder: Path) -> list[str]:
 
 
 def main() -> None:
-    table = Table("mapping file", "id", "error [steps]", "enable reads back", "opendbc accepts", "flipped bit refused", "read")
+    table = Table(
+        "mapping file", "id", "error [steps]", "enable reads back", "opendbc accepts", "flipped bit refused", "read"
+    )
     with tempfile.TemporaryDirectory() as folder:
         for name in built_in_maps():
             table.add_row(*row(name, Path(folder)))

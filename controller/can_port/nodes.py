@@ -39,10 +39,8 @@ from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
 _STOP = SteeringCommand(0.0, 0.0, 0.0, Status.FAULT)
 _READABLE = ACCEPTED | {CheckStatus.INITIAL}
 _QP_STATUS = {
-    "UNCONSTRAINED": QpStatus.SOLVED, "PIQP_SOLVED": QpStatus.SOLVED,
-    "PIQP_MAX_ITER_REACHED": QpStatus.MAX_ITERATIONS,
-    "PIQP_PRIMAL_INFEASIBLE": QpStatus.PRIMAL_INFEASIBLE, "PIQP_DUAL_INFEASIBLE": QpStatus.DUAL_INFEASIBLE,
-    "INPUT": QpStatus.NOT_RUN,
+    "UNCONSTRAINED": QpStatus.SOLVED, "SOLVED": QpStatus.SOLVED, "ITERATION_LIMIT": QpStatus.MAX_ITERATIONS,
+    "INFEASIBLE": QpStatus.PRIMAL_INFEASIBLE, "INPUT": QpStatus.NOT_RUN,
 }  # fmt: skip
 
 

@@ -17,7 +17,8 @@ from joblib import Parallel, delayed, parallel_config
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.campaigns.campaign import Campaign, Case, cases, scenario_of
 from sidestep.validation.campaigns.journal import Row, open_journal, read_journal
-from sidestep.validation.cli.console import progress_bar
+from sidestep.validation.campaigns.rows import check_rows
+from sidestep.validation.console import progress_bar
 from sidestep.validation.judge.simulate import simulate
 from sidestep.validation.judge.summary import versions
 from sidestep.validation.judge.verdict import Judgement
@@ -26,9 +27,6 @@ from sidestep.validation.scenarios.scenario import Scenario
 
 ERROR = "error"
 """Label of a case that could not be run; its row says why."""
-
-FORMAT = 2
-"""Of the rows: since 2 they hold a verdict of three instead of `passed`."""
 
 _AHEAD = "2 * n_jobs"
 _SUSPECTS = 4
@@ -91,10 +89,11 @@ def run_campaign(
         All rows of the campaign, in their order.
 
     Raises:
-        InputError: The journal or the cluster cannot be used.
+        InputError: The journal or the cluster cannot be used, or a row that is there is none of this campaign's.
     """
     every = cases(campaign)
     with _workers(jobs, dask) as run, open_journal(file, _head(campaign)) as journal:
+        check_rows(every, journal.rows, file)
         done = {row["row"] for row in journal.rows}
         left = [case for case in every if case.row not in done]
         with progress_bar(campaign.name, len(every), counting=True) as progress:
@@ -109,15 +108,15 @@ def load_rows(file: Path) -> tuple[Campaign, list[Row]]:
     """The specification and the rows of a journal.
 
     Raises:
-        InputError: It is none, or not a campaign's.
+        InputError: It is none, not a campaign's, or holds rows that its campaign does not have.
     """
     head, rows = read_journal(file)
-    if "campaign" in head and head.get("format") != FORMAT:
-        raise InputError(str(file), f"has rows of another form than {FORMAT}", "one that this version wrote")
     try:
-        return msgspec.convert({**head["campaign"], "file": head["about"]["file"]}, Campaign), rows
-    except (KeyError, msgspec.ValidationError) as error:
+        campaign = msgspec.convert({**head["campaign"], "file": head["about"]["file"]}, Campaign)
+    except (KeyError, TypeError, msgspec.ValidationError) as error:
         raise InputError(str(file), "was not written by a campaign", "a campaign's .jsonl file") from error
+    check_rows(cases(campaign), rows, file)
+    return campaign, rows
 
 
 def about(campaign: Campaign) -> dict[str, str]:
@@ -127,11 +126,7 @@ def about(campaign: Campaign) -> dict[str, str]:
 
 def _head(campaign: Campaign) -> Row:
     specification = msgspec.to_builtins(campaign)
-    return {
-        "format": FORMAT,
-        "campaign": {**specification, "file": ""},
-        "about": {"file": campaign.file, "versions": versions()},
-    }
+    return {"campaign": {**specification, "file": ""}, "about": {"file": campaign.file, "versions": versions()}}
 
 
 @contextmanager

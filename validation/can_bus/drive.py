@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from sidestep.controller import SteeringController
+from sidestep.controller.answer import FEASIBLE_SLACK
 from sidestep.controller.can_port.actuator import ActuatorConfig
 from sidestep.controller.can_port.bus.bus import resolve_spec
 from sidestep.controller.can_port.bus.faults import FaultSpec
@@ -25,23 +26,23 @@ from sidestep.controller.can_port.codec.messages import ActuatorState, QpStatus
 from sidestep.controller.can_port.findings import Finding, findings, state_findings
 from sidestep.controller.can_port.link import Link, RealTimeLink, VirtualTimeLink
 from sidestep.controller.can_port.nodes import ControllerNode, VehicleNode
-from sidestep.controller.steering import FEASIBLE_SLACK
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.validation.files import made
 from sidestep.validation.interrupt import interrupts_between_steps
 from sidestep.validation.judge.findings import Verdict, for_the_judge
+from sidestep.validation.judge.run import Run
 from sidestep.validation.judge.summary import summarise
 from sidestep.validation.judge.verdict import judge
 from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.loop.cosimulation import cosimulate
+from sidestep.validation.loop.foreign import is_foreign
 from sidestep.validation.loop.measurement import sensed
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import STEP_UNITS, Recording
 from sidestep.validation.loop.start import reset_to
 from sidestep.validation.scenarios.scenario import Scenario
-from sidestep.validation.studies.runs import Run
 
 PATIENCE = 120.0
 """How long a node waits for the other end, in [s]."""
@@ -201,7 +202,8 @@ def run_plant(
     node = VehicleNode(catalogue, _actuator(scenario), bus.interface)
     with open_plant(scenario) as plant:
         start, _ = reset_to(plant, scenario.start, scenario.plant)  # refused here, before anything is written
-        plant.step(SteeringCommand(start.time, start.steer_angle, scenario.speed), CYCLE)  # load the kernels
+        if not is_foreign(scenario.plant):  # load the kernels; an FMU has none, and some start only once
+            plant.step(SteeringCommand(start.time, start.steer_angle, scenario.speed), CYCLE)
         with made(folder):
             link = RealTimeLink(resolve_spec(can, True), _VEHICLE, catalogue, folder / log, allow_real_bus)
         with link, _undisturbed():

@@ -30,7 +30,7 @@ from sidestep.controller.can_port.protection.e2e import ACCEPTED
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
 from sidestep.validation.can_bus.drive import drive_over
-from sidestep.validation.cli.console import progress_bar
+from sidestep.validation.console import progress_bar
 from sidestep.validation.judge.verdict import judge
 from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.loop.plants import open_plant
@@ -128,11 +128,10 @@ def passes(outcome: Outcome) -> bool:
 
 
 def stops(outcome: Outcome) -> bool:
-    """Zero steering and a standing car that touched nothing."""
+    """Zero steering and a standing car that touched nothing; that there was a way past is not the bus's to see."""
     recording = outcome.recording
     at_rest = recording["steer_received"][-1] == recording["target_speed"][-1] == 0.0
-    untouched = not judge(recording, outcome.scenario).touched
-    return bool(at_rest) and recording.end is End.STOPPED and untouched
+    return bool(at_rest) and recording.end is End.STOPPED and not judge(recording, outcome.scenario).touched
 
 
 def recovers(outcome: Outcome) -> bool:

@@ -27,7 +27,9 @@ def add_can(commands: argparse._SubParsersAction) -> None:
     parts = can.add_subparsers(title="commands", required=True, metavar="COMMAND")
     drive = _node(parts, "drive", "the controller as a node: state in, steering out, every 10 ms", _drive)
     plant = _node(parts, "plant", "plant, steering actuator and sensors as a node", _plant)
-    plant.add_argument("--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, or an .fmu file")
+    plant.add_argument(
+        "--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, an .fmu file, or MODULE:FACTORY"
+    )
     plant.set_defaults(isolate=None)
     for part in (drive, plant):
         part.add_argument(
@@ -124,6 +126,9 @@ def _drive(options: argparse.Namespace) -> int:
     from sidestep.validation.scenarios.scenario import load_scenario
 
     _require_shared(options)
+    for key in (change.partition("=")[0].strip() for change in options.overrides):
+        if f"{key}.".startswith("plant."):
+            raise InputError(f"--set {key}", "makes no difference at the controller's end", "sidestep can plant")
     scenario = load_scenario(options.scenario, options.overrides)
     bus = described(options, scenario)
     folder = _folder(options, f"{scenario.name}-controller")
@@ -147,8 +152,8 @@ def _drive(options: argparse.Namespace) -> int:
 
 def _plant(options: argparse.Namespace) -> int:
     from sidestep.validation.can_bus.drive import run_plant
-    from sidestep.validation.cli.console import print_runs, progress_bar
     from sidestep.validation.cli.main import plant_overrides
+    from sidestep.validation.console import print_runs, progress_bar
     from sidestep.validation.report.report import write_run
     from sidestep.validation.scenarios.scenario import load_scenario
 

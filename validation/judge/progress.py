@@ -11,7 +11,7 @@ import numpy as np
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.speed_control import limited_acceleration
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.judge.geometry import Array
+from sidestep.validation.geometry import Array
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.scenarios.scenario import Scenario
 
@@ -38,7 +38,7 @@ class Progress:
         ahead: Obstacles on the road that the car comes up to, or that come up to it.
         reached: Those of them whose near end the front bumper came to.
         passed: Those that the car left behind.
-        unpassed: Those that it did not leave behind although that was due.
+        unpassed: Those that it did not leave behind, or not even reach, although that was due.
         out_of_reach: Those not reached that were not due, either: the scene is too short for them.
         followed: The slower one close behind which the drive ended, if any.
         standing: Whether the car stands in the end.
@@ -64,7 +64,7 @@ def progress(recording: Recording, scenario: Scenario) -> Progress:
     ahead = obstacles_ahead(scenario, float(s[0]))
     reached, passed = _met(scenario, ahead, time, s)
     due_reached, due_passed = _met(scenario, ahead, *asked_drive(scenario, float(s[0]), DUE_SPEED))
-    unpassed = due_passed - passed
+    unpassed = (due_passed - passed) | (due_reached - reached)
     held, commanded = _held_speed(recording, scenario.vehicle)
     _, asked_s = asked_drive(scenario, float(s[0]))
     return Progress(

@@ -30,7 +30,7 @@ PLANT_STEP = 0.01
 """Longest plant step, and the period of the command frames on the bus, in [s]."""
 
 STANDSTILL = 0.1
-"""Speed below which a car that was told to stop counts as standing, in [m/s]."""
+"""Speed below which a car that was commanded to stop counts as standing, in [m/s]."""
 
 _S = list(SAMPLE_UNITS).index("s")
 
@@ -143,7 +143,7 @@ class _Run:
             (
                 self.state.time, float(command.status), float(plan.feasible), float(plan.iterations),
                 plan.primal_residual, plan.dual_residual, plan.slack_corridor, plan.slack_slip, plan.stop_distance,
-                plan.plan_us, plan.build_us, plan.solve_us, elapsed,
+                plan.solve_us, elapsed,
             )
         )  # fmt: skip
         return command

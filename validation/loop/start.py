@@ -60,6 +60,22 @@ def reset_to(plant: Plant, start: VehicleState, settings: PlantSettings) -> tupl
     return state, off
 
 
+def reset_at(plant: Plant, start: VehicleState) -> VehicleState:
+    """Reset a plant for an open-loop drive, which means nothing at another speed or heading.
+
+    Raises:
+        InputError: It starts elsewhere.
+        PlantError: The plant cannot start.
+    """
+    state = plant.reset(start)
+    if off := [departure for departure in departures(start, state) if departure.signal in ("x", "y", "yaw", "v_x")]:
+        raise InputError(
+            "start", "the plant starts with " + ", ".join(map(str, off)),
+            "a plant whose reset takes it; of an FMU, the variables that set it as start.SIGNAL in its mapping file",
+        )  # fmt: skip
+    return state
+
+
 def _refusal(off: Sequence[Departure], settings: PlantSettings) -> InputError:
     remedy = "a plant whose reset takes it"
     if settings.kind.endswith(".fmu"):

@@ -20,7 +20,7 @@ from sidestep.validation.loop.delay_line import DelayLine
 from sidestep.validation.loop.recording import End, Recording
 from sidestep.validation.report.style import BLUE, RED, panel, styled, write_figure
 from sidestep.validation.scenarios.scenario import Scenario, parse_scenario
-from sidestep.validation.studies.limits import Outcome, new_table, show, write_outcome
+from sidestep.validation.studies.limits import PLANT_OPTION, Outcome, new_table, refuse_own, show, write_outcome
 
 CASES = ((0.1, 1), (0.05, 1), (0.02, 5), (0.02, 10))
 """Control period, in [s], and delay in periods."""
@@ -78,6 +78,9 @@ def delay(plant: str, overrides: Sequence[str], out: Path, command_line: str) ->
     Raises:
         InputError: Bad override or plant, or a folder that takes no files.
     """
+    refuse_own(
+        overrides, PLANT_OPTION | {"controller.period": "its CASES", "controller.input_delay_steps": "its CASES"}
+    )
     cases = [(period, steps, known) for period, steps in CASES for known in (True, False)]
     with made(out):
         scenes = {case: scene(*case, plant, overrides) for case in cases}

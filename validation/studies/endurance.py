@@ -22,7 +22,7 @@ import numpy as np
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.validation.cli.console import number, progress_bar
+from sidestep.validation.console import number, progress_bar
 from sidestep.validation.files import made
 from sidestep.validation.judge.findings import Verdict
 from sidestep.validation.judge.verdict import judge
@@ -31,7 +31,16 @@ from sidestep.validation.loop.cosimulation import Controller
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.scenarios.scenario import Scenario, parse_scenario
-from sidestep.validation.studies.limits import Outcome, counted, kept_rows, new_table, show, write_outcome
+from sidestep.validation.studies.limits import (
+    PLANT_OPTION,
+    Outcome,
+    counted,
+    kept_rows,
+    new_table,
+    refuse_own,
+    show,
+    write_outcome,
+)
 
 PERIOD = 0.01
 """Control period, in [s]."""
@@ -123,6 +132,7 @@ def endurance(
     Raises:
         InputError: Bad override or plant, or a folder that takes no files.
     """
+    refuse_own(overrides, PLANT_OPTION | {"obstacles": "--seed-from"})
     scenario = parse_scenario(_SCENE, "endurance", [*overrides, f"plant.kind={plant}"])
     rows: list[StintRow] = []
     count = max(1, round(3600.0 * hours / STINT))

@@ -18,7 +18,7 @@ from scipy.signal import butter, sosfiltfilt
 from sidestep.validation.loop.closed_loop import closed_loop
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.scenarios.scenario import load_scenario
-from sidestep.validation.studies.limits import Outcome, new_table, show, write_outcome
+from sidestep.validation.studies.limits import PLANT_OPTION, Outcome, new_table, refuse_own, show, write_outcome
 
 Array = NDArray[np.float64]
 
@@ -102,6 +102,7 @@ def optimum(plants: Sequence[str], overrides: Sequence[str], out: Path, command_
     Raises:
         InputError: Bad override or plant, or a folder that takes no files.
     """
+    refuse_own(overrides, PLANT_OPTION)
     rows = [_drive(scene, plant, overrides) for scene in SCENES for plant in plants]
     passed = all(row.passed for row in rows)
     write_outcome(out, Outcome("optimum", {"optimum": offline_optimum()}, rows, passed), command_line)

@@ -2,50 +2,25 @@
 
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from sidestep.controller.can_port.codec.database import BusMessage
 from sidestep.controller.can_port.port import SteeringPort
 from sidestep.validation.files import made
 from sidestep.validation.judge.findings import for_the_judge
+from sidestep.validation.judge.run import Run
 from sidestep.validation.judge.summary import summarise
-from sidestep.validation.judge.verdict import Judgement, judge
+from sidestep.validation.judge.verdict import judge
 from sidestep.validation.loop.announced import Announced
 from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.loop.cosimulation import PLANT_STEP, Coupling, cosimulate
+from sidestep.validation.loop.foreign import is_foreign
 from sidestep.validation.loop.measurement import sensed
 from sidestep.validation.loop.plants import open_plant
-from sidestep.validation.loop.recording import End, Recording
 from sidestep.validation.loop.start import reset_to
 from sidestep.validation.report.film import film
 from sidestep.validation.report.viewer import viewer
 from sidestep.validation.scenarios.scenario import Scenario
-
-
-@dataclass(frozen=True)
-class Run:
-    """A finished run.
-
-    Attributes:
-        scenario: What was driven.
-        recording: What happened.
-        judgement: What it is worth.
-        summary: Its numbers, as in summary.json.
-        folder: Where its files are.
-    """
-
-    scenario: Scenario
-    recording: Recording
-    judgement: Judgement
-    summary: dict[str, Any]
-    folder: Path
-
-    @property
-    def interrupted(self) -> bool:
-        """Whether it was ended from the keyboard."""
-        return self.recording.end is End.INTERRUPTED
 
 
 def drive(
@@ -87,7 +62,9 @@ def drive(
         film(plant, render, scenario, controller) if render else nullcontext() as shoot,
     ):
         start, _ = reset_to(plant, scenario.start, scenario.plant)  # refused here, before anything is written
-        plant.step(controller.step(start), PLANT_STEP)  # load the kernels before the clock runs
+        command = controller.step(start)  # load the kernels before the clock runs
+        if not is_foreign(scenario.plant):  # an FMU has none, and some start only once
+            plant.step(command, PLANT_STEP)
         with made(folder):
             log = folder / "can.blf"
             log.unlink(missing_ok=True)

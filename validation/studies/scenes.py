@@ -19,11 +19,13 @@ from sidestep.validation.loop.recording import End, Recording
 from sidestep.validation.scenarios.random_scenes import random_scene
 from sidestep.validation.scenarios.scenario import Scenario, parse_scenario
 from sidestep.validation.studies.limits import (
+    PLANT_OPTION,
     Outcome,
     counted,
     in_parallel,
     kept_rows,
     new_table,
+    refuse_own,
     show,
     upper_bound,
     write_outcome,
@@ -109,6 +111,7 @@ def scenes(seeds: Sequence[int], plant: str, overrides: Sequence[str], jobs: int
     """
     if not seeds:
         raise InputError("--count", "no scene", ">= 1")
+    refuse_own(overrides, PLANT_OPTION)
     open_plant(_scenario(seeds[0], plant, overrides)).close()  # bad input shows here, before any process starts
     calls = [partial(run_scene, seed, plant, overrides) for seed in seeds]
     with made(out):

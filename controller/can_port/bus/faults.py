@@ -6,21 +6,25 @@ The same description gives the arguments of `tc netem` for a real vcan, as far a
 import tomllib
 from dataclasses import dataclass, fields
 from heapq import heappop, heappush
-from math import inf, isfinite
+from math import inf
 from pathlib import Path
 from random import Random
+from typing import Annotated
 
 from sidestep.controller.can_port.codec.database import BusMessage, Catalogue, Frame, messages
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.ranges import Range, check
 
 REORDER_DELAY = 0.03
 """How long a frame is held back so that later ones overtake it, in [s]."""
 
 _FOREIGN_IDS = 0x100  # below all of ours: they would win every arbitration
-_PROBABILITIES = (
-    "loss", "duplication", "reorder", "corruption", "wrong_length", "masquerade", "counter_jump",
-)  # fmt: skip
 _NETEM = {"loss": "loss", "duplication": "duplicate", "corruption": "corrupt"}
+
+
+_FLAG = "true or false"
+
+Probability = Annotated[float, Range(0.0, 1.0)]
 
 
 @dataclass(frozen=True)
@@ -48,33 +52,29 @@ class FaultSpec:
         flood: Foreign frames ahead of every frame.
     """
 
-    seed: int = 0
+    seed: Annotated[int, Range(0, 2**63 - 1)] = 0
     only: str = ""
-    start: float = 0.0
-    end: float = inf
-    loss: float = 0.0
-    burst: int = 1
-    duplication: float = 0.0
-    delay: float = 0.0
-    jitter: float = 0.0
-    reorder: float = 0.0
-    corruption: float = 0.0
-    wrong_length: float = 0.0
-    masquerade: float = 0.0
-    counter_jump: float = 0.0
+    start: Annotated[float, Range(0.0, 1e6, "s")] = 0.0
+    end: Annotated[float, Range(0.0, inf, "s")] = inf
+    loss: Probability = 0.0
+    burst: Annotated[int, Range(1, 10_000)] = 1
+    duplication: Probability = 0.0
+    delay: Annotated[float, Range(0.0, 10.0, "s")] = 0.0
+    jitter: Annotated[float, Range(0.0, 10.0, "s")] = 0.0
+    reorder: Probability = 0.0
+    corruption: Probability = 0.0
+    wrong_length: Probability = 0.0
+    masquerade: Probability = 0.0
+    counter_jump: Probability = 0.0
     freeze: bool = False
     stuck: bool = False
-    flood: int = 0
+    flood: Annotated[int, Range(0, 1000)] = 0
 
     def __post_init__(self) -> None:
-        for f in fields(self):
-            _require(f"faults.{f.name}", getattr(self, f.name), type(f.default))
-        for name in _PROBABILITIES:
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise InputError(f"faults.{name}", f"{getattr(self, name)}", "0 to 1")
-        for name, least in (("start", 0), ("delay", 0), ("jitter", 0), ("burst", 1), ("flood", 0)):
-            if not (isfinite(getattr(self, name)) and getattr(self, name) >= least):
-                raise InputError(f"faults.{name}", f"{getattr(self, name)}", f">= {least}")
+        check(self, "faults")
+        for name, kind, allowed in (("freeze", bool, _FLAG), ("stuck", bool, _FLAG), ("only", str, "a text")):
+            if not isinstance(value := getattr(self, name), kind):
+                raise InputError(f"faults.{name}", f"{value!r}", allowed)
         if not self.end > self.start:
             raise InputError("faults.end", f"{self.end} s", f"> start ({self.start})")
         if self.only and self.only not in messages():
@@ -217,11 +217,3 @@ def _protect(message: BusMessage, data: bytes, counter: int) -> bytes:
 
 def _percent(name: str, share: float) -> list[str]:
     return [name, f"{100.0 * share:g}%"] if share else []
-
-
-def _require(where: str, value: object, kind: type) -> None:
-    fits = isinstance(value, kind) or (kind is float and isinstance(value, int))
-    if not fits or isinstance(value, bool) != (kind is bool):
-        raise InputError(
-            where, f"{value!r}", {bool: "true or false", str: "a text", int: "a whole number"}.get(kind, "a number")
-        )
