@@ -11,11 +11,11 @@ from concurrent.futures import ThreadPoolExecutor
 import mujoco
 import numpy as np
 
-from sidestep.controller import SteeringController
 from sidestep.plant_models.mujoco.loop import stop_the_clock
 from sidestep.plant_models.mujoco.plant import MujocoPlant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
+from sidestep.validation.loop.closed_loop import open_controller
 from sidestep.validation.loop.cosimulation import cosimulate
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.scenarios.scenario import load_scenario
@@ -75,7 +75,7 @@ def threads() -> float:
 def real_time_factor(passes: int = 8) -> float:
     """Of the double scene, whole loop with the controller at 50 Hz; of every period the least time of the passes."""
     scenario = load_scenario("double-obstacle", ["plant.kind=mujoco", f"controller.period={PERIOD}"])
-    controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
+    controller = open_controller(scenario)
     clocks: list[list[int]] = []
     with open_plant(scenario) as plant:
         for _ in range(passes):

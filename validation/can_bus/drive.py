@@ -31,9 +31,12 @@ from sidestep.validation.files import made
 from sidestep.validation.interrupt import interrupts_between_steps
 from sidestep.validation.judge.summary import summarise
 from sidestep.validation.judge.verdict import judge
+from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.loop.cosimulation import cosimulate
+from sidestep.validation.loop.measurement import sensed
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import STEP_UNITS, Recording
+from sidestep.validation.loop.start import reset_to
 from sidestep.validation.scenarios.scenario import Scenario
 from sidestep.validation.studies.runs import Run
 
@@ -124,7 +127,7 @@ def drive_over(
     """
     far = FarController(link, node, lambda: progress(0.0) if progress else None)
     cycle_by_cycle = replace(scenario, controller=replace(scenario.controller, period=CYCLE))
-    recording = cosimulate(far, plant, cycle_by_cycle, far, progress=progress)
+    recording = cosimulate(sensed(far, scenario), plant, cycle_by_cycle, far, progress=progress)
     if isinstance(recording.error, InputError):
         raise recording.error
     return replace(recording, steps=far.steps(), plans=())
@@ -161,7 +164,7 @@ def drive_virtual(
         controller: One to use again; None makes it.
     """
     catalogue = messages(protection)
-    far = ControllerNode(controller or _controller(scenario), catalogue)
+    far = ControllerNode(controller or bare_controller(scenario), catalogue)
     vehicle = VehicleNode(catalogue, _actuator(scenario))
     recording = drive_over(VirtualTimeLink(far, faults, protection), vehicle, plant, scenario)
     return VirtualRun(recording, vehicle, far)
@@ -185,7 +188,7 @@ def run_plant(
     """
     node = VehicleNode(messages(protection), _actuator(scenario))
     with open_plant(scenario) as plant:
-        start = plant.reset(scenario.start)
+        start, _ = reset_to(plant, scenario.start, scenario.plant)  # refused here, before anything is written
         plant.step(SteeringCommand(start.time, start.steer_angle, scenario.speed), CYCLE)  # load the kernels
         with made(folder):
             link = RealTimeLink(resolve_spec(can, True), _VEHICLE, protection, folder / log, allow_real_bus)
@@ -213,7 +216,7 @@ def run_controller(
     Raises:
         InputError: Bus or folder cannot be used, or no vehicle answers.
     """
-    controller = _controller(scenario)
+    controller = bare_controller(scenario)
     for _ in range(3):
         controller.step(scenario.start)  # load the kernels before the clock runs
     node = ControllerNode(controller, messages(protection))
@@ -248,10 +251,6 @@ def _serve(link: RealTimeLink, node: ControllerNode) -> tuple[bool, float]:
         finally:
             link.send(node.leave(now))
     return interrupted, used / max(CYCLE, (node.heard or 0.0) - began[0]) if began else 0.0
-
-
-def _controller(scenario: Scenario) -> SteeringController:
-    return SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
 
 
 def _actuator(scenario: Scenario) -> ActuatorConfig:

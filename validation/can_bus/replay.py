@@ -8,7 +8,6 @@ import can
 import numpy as np
 from matplotlib.figure import Figure
 
-from sidestep.controller import SteeringController
 from sidestep.controller.can_port.bus.bus import Bus
 from sidestep.controller.can_port.bus.log import read_log
 from sidestep.controller.can_port.codec.database import Frame, Protection, messages
@@ -16,6 +15,7 @@ from sidestep.controller.can_port.codec.messages import STEER_CMD, decode_steer_
 from sidestep.controller.can_port.nodes import CYCLE, ControllerNode
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.files import made, written_to
+from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.loop.recording import Array, write_columns
 from sidestep.validation.report.style import BLUE, ORANGE, RED, legend, panel, styled, write_figure
 from sidestep.validation.scenarios.scenario import load_scenario
@@ -47,7 +47,7 @@ def what_if(log: Path, name: str, out: Path, protection: Protection = "P02") -> 
         InputError: Log, scenario or folder cannot be used.
     """
     scenario = load_scenario(name)
-    controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
+    controller = bare_controller(scenario)
     columns = compare(_read(log), ControllerNode(controller, messages(protection)), protection)
     if not len(columns["time"]):
         allowed = "a log of both nodes, as `sidestep can drive` writes one, with the same protection"

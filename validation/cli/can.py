@@ -109,6 +109,9 @@ def _drive(options: argparse.Namespace) -> int:
     from sidestep.validation.scenarios.scenario import load_scenario
 
     _require_shared(options)
+    for key in (change.partition("=")[0].strip() for change in options.overrides):
+        if f"{key}.".startswith("plant."):
+            raise InputError(f"--set {key}", "makes no difference at the controller's end", "sidestep can plant")
     scenario = load_scenario(options.scenario, options.overrides)
     folder = _folder(options, f"{scenario.name}-controller")
     with _terminated_as_interrupted():

@@ -69,7 +69,9 @@ def _record(options: argparse.Namespace) -> int:
 
     run = read_runs([options.run])[0]
     if run.summary["verdict"] != "pass":
-        raise InputError(str(options.run), f"is a run that failed: {run.summary['label']}", "one that passed")
+        raise InputError(
+            str(options.run), f"did not pass: {run.summary['verdict']}: {run.summary['label']}", "one that did"
+        )
     record(run.samples, run.summary["scenario"], options.file)
     print(f"golden: {options.file}")
     return 0

@@ -53,15 +53,16 @@ def cells(summary: dict[str, Any]) -> list[str]:
 
 
 def print_runs(summaries: Sequence[dict[str, Any]]) -> None:
-    """Print a table for every scenario, and the reason of every run that broke off."""
+    """Print a table for every scenario, and the reason of every verdict that has more to it than its label."""
     console = Console()
     if not console.is_terminal:
         console = Console(width=130)
     for scenario in dict.fromkeys(s["scenario"] for s in summaries):
         console.print(_table(scenario, [s for s in summaries if s["scenario"] == scenario]))
     for s in summaries:
-        if s["error"]:
-            console.print(f"{s['scenario']} on {s['plant']}: {s['error']}", markup=False)
+        for words in (s["error"], s["detail"], *(f"{f['label']}: {f['text']}" for f in s.get("findings", ()))):
+            if words:
+                console.print(f"{s['scenario']} on {s['plant']}: {words}", markup=False)
 
 
 def row_name(summary: dict[str, Any]) -> str:
@@ -78,9 +79,14 @@ def _table(title: str, summaries: Sequence[dict[str, Any]]) -> Table:
     for head in HEADS:
         table.add_column(escape(head), justify="right")
     for s in summaries:
-        colour = "green" if s["verdict"] == "pass" else "red"
-        table.add_row(row_name(s), f"[{colour}]{s['verdict']}[/]: {s['label']}", *cells(s))
+        table.add_row(row_name(s), f"{coloured(s['verdict'], s['verdict'])}: {s['label']}", *cells(s))
     return table
+
+
+def coloured(verdict: str, text: str) -> str:
+    """Text in the colour of a verdict, for tables."""
+    colours = {"pass": "green", "fail": "red", "inconclusive": "yellow"}
+    return f"[{colours[verdict]}]{text}[/]"
 
 
 class _Rate(ProgressColumn):

@@ -1,7 +1,7 @@
 """The `sidestep` command: one function per subcommand, heavy imports only in the one that runs.
 
-Exit status: 0 pass, 1 the run ended and its verdict is fail (or nobody reads what it prints any more), 2 bad input or
-usage, 130 interrupted.
+Exit status: 0 pass, 1 the run ended and its verdict is fail or inconclusive (or nobody reads what it prints any more),
+2 bad input or usage, 130 interrupted.
 """
 
 import argparse
@@ -102,6 +102,10 @@ def _add_run(commands: argparse._SubParsersAction) -> None:
         "--isolate", type=positive_number, nargs="?", const=5.0, metavar="SECONDS",
         help="run an FMU in a process of its own, with this time limit a step (default: %(const)s)",
     )  # fmt: skip
+    run.add_argument(
+        "--accept-start", action="store_true",
+        help="drive a plant that does not start where it is put from where it does; the summary tells both",
+    )  # fmt: skip
     run.add_argument("--can", metavar="BUS", help="auto (default), off (default with --from), or INTERFACE:CHANNEL")
     run.add_argument("--allow-real-bus", action="store_true", help="let that bus reach hardware")
     run.add_argument(
@@ -162,7 +166,8 @@ def _run(options: argparse.Namespace) -> int:
     from sidestep.validation.studies.runs import drive
 
     isolated = [] if options.isolate is None else [f"plant.isolate={options.isolate}"]
-    changes = [*options.overrides, *plant_overrides(options), *isolated]
+    accepted = ["plant.accept_start=true"] if options.accept_start else []
+    changes = [*options.overrides, *plant_overrides(options), *isolated, *accepted]
     row, can = None, ("off" if options.row else "auto") if options.can is None else options.can
     if options.row is not None:
         scenario, row = replayed(options.row, changes)

@@ -11,6 +11,7 @@ from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 from sidestep.validation.loop.recording import SAMPLE_UNITS
+from sidestep.validation.loop.start import reset_at
 from sidestep.validation.manoeuvres.catalogue import Manoeuvre
 
 Array = NDArray[np.float64]
@@ -54,12 +55,13 @@ def drive(
         Signals, shape (n,), one sample every PERIOD. The acceleration is v_y' + v_x gamma.
 
     Raises:
+        InputError: The plant does not start at the manoeuvre's speed and heading.
         PlantError: The plant cannot start or go on.
     """
     hold = PERIOD / commands
     times: Array = hold * np.arange(round(manoeuvre.duration / PERIOD) * commands + 1.0)
     angles = _angles(manoeuvre, vehicle, times).tolist()
-    state, correction = plant.reset(_start(manoeuvre, vehicle)), 0.0
+    state, correction = reset_at(plant, _start(manoeuvre, vehicle)), 0.0
     signals = getattr(plant, "signals", None)
     rows = []
     for k, angle in enumerate(angles):

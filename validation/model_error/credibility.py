@@ -21,7 +21,7 @@ def write_credibility_report(
     Args:
         path: Of the HTML file, in a folder that is there.
         title: Of the page.
-        verdict: One sentence that begins with PASS or FAIL, or states a result.
+        verdict: One sentence that begins with PASS, FAIL or INCONCLUSIVE, or states a result.
         evidence: What is shown, the most telling figure first: it stands beside the verdict.
         not_covered: What the reader must not conclude from it, one sentence each.
         context: Command line, seeds, versions: whatever makes the same page again.
@@ -41,7 +41,7 @@ def credibility_report(
         "credibility.html",
         title=title,
         verdict=verdict,
-        tone={"PASS": "pass", "FAIL": "fail"}.get(verdict[:4], ""),
+        tone={"PASS": "pass", "FAIL": "fail", "INCO": "inconclusive"}.get(verdict[:4], ""),
         evidence=[(item, picture(item.figure) if item.figure else None) for item in evidence],
         judged=[(number, item) for number, item in enumerate(evidence) if item.passed is not None],
         not_covered=not_covered,

@@ -30,6 +30,7 @@ class PlantSettings:
         noise: Of the state that the controller gets, in multiples of `measurement.NOISE`; the judge sees the true one.
         noise_seed: Of that noise.
         measured_offset: By which that state lies to the left of where the car is, in [m].
+        accept_start: Drive a plant that does not start where it is put from where it does; refused otherwise.
         isolate: Time limit of a step of an FMU that runs in a process of its own, in [s]; 0 to run it here.
     """
 
@@ -49,6 +50,7 @@ class PlantSettings:
     noise_seed: Annotated[int, Range(0, 2**63 - 1)] = 0
     measured_offset: Annotated[float, Range(-100.0, 100.0, "m")] = 0.0
     isolate: Annotated[float, Range(0.0, 3600.0, "s")] = 0.0
+    accept_start: bool = False
 
     @property
     def name(self) -> str:

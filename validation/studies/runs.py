@@ -14,6 +14,7 @@ from sidestep.validation.loop.closed_loop import open_controller
 from sidestep.validation.loop.cosimulation import PLANT_STEP, Coupling, cosimulate
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import End, Recording
+from sidestep.validation.loop.start import reset_to
 from sidestep.validation.report.film import film
 from sidestep.validation.report.viewer import viewer
 from sidestep.validation.scenarios.scenario import Scenario
@@ -68,7 +69,8 @@ def drive(
         render: Film of MuJoCo's car to write, .gif or .mp4.
 
     Raises:
-        InputError: Plant, bus or folder cannot be used; nothing is left behind then.
+        InputError: Plant, bus or folder cannot be used, or the plant does not start where it is put; nothing is left
+            behind then.
         PlantError: The plant cannot be built or cannot start.
     """
     controller = open_controller(scenario)
@@ -77,7 +79,8 @@ def drive(
         viewer(plant, scenario, controller) if view else nullcontext() as show,
         film(plant, render, scenario, controller) if render else nullcontext() as shoot,
     ):
-        plant.step(controller.step(plant.reset(scenario.start)), PLANT_STEP)  # load the kernels before the clock runs
+        start, _ = reset_to(plant, scenario.start, scenario.plant)  # refused here, before anything is written
+        plant.step(controller.step(start), PLANT_STEP)  # load the kernels before the clock runs
         with made(folder):
             log = folder / "can.blf"
             log.unlink(missing_ok=True)
