@@ -12,7 +12,7 @@ from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.validation.judge.verdict import judge
 from sidestep.validation.loop.closed_loop import closed_loop
 from sidestep.validation.loop.recording import Recording
-from sidestep.validation.manoeuvres.rating import rate
+from sidestep.validation.report.compare.rating import rate
 from sidestep.validation.scenarios.scenario import load_scenario
 
 

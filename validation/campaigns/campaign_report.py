@@ -15,8 +15,8 @@ from sidestep.validation.campaigns.campaign_figures import (
 )
 from sidestep.validation.campaigns.journal import Row
 from sidestep.validation.judge.findings import Verdict
-from sidestep.validation.model_error.credibility import write_credibility_report
-from sidestep.validation.model_error.evidence import Evidence, Table
+from sidestep.validation.report.credibility import write_credibility_report
+from sidestep.validation.report.evidence import Evidence, Table
 from sidestep.validation.report.exports.junit import JunitCase, judged_case
 from sidestep.validation.studies.limits import CONFIDENCE, upper_bound
 

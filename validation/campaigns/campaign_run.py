@@ -18,7 +18,7 @@ from sidestep.plant_models.errors import InputError
 from sidestep.validation.campaigns.campaign import Campaign, Case, cases, scenario_of
 from sidestep.validation.campaigns.journal import Row, open_journal, read_journal
 from sidestep.validation.campaigns.rows import check_rows
-from sidestep.validation.cli.console import progress_bar
+from sidestep.validation.console import progress_bar
 from sidestep.validation.judge.simulate import simulate
 from sidestep.validation.judge.summary import versions
 from sidestep.validation.judge.verdict import Judgement

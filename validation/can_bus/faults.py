@@ -17,7 +17,7 @@ from rich.table import Table
 from sidestep.controller import SteeringController
 from sidestep.controller.can_port.actuator import Actuator
 from sidestep.controller.can_port.bus.faults import FaultSpec
-from sidestep.controller.can_port.codec.database import Frame
+from sidestep.controller.can_port.codec.database import CYCLE, Frame
 from sidestep.controller.can_port.codec.messages import (
     STEER_CMD,
     ActuatorState,
@@ -25,12 +25,12 @@ from sidestep.controller.can_port.codec.messages import (
     encode_steer_command,
 )
 from sidestep.controller.can_port.link import VirtualTimeLink
-from sidestep.controller.can_port.nodes import CYCLE, ControllerNode, VehicleNode
+from sidestep.controller.can_port.nodes import ControllerNode, VehicleNode
 from sidestep.controller.can_port.protection.e2e import ACCEPTED
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
 from sidestep.validation.can_bus.drive import drive_over
-from sidestep.validation.cli.console import progress_bar
+from sidestep.validation.console import progress_bar
 from sidestep.validation.judge.verdict import judge
 from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.loop.plants import open_plant
@@ -123,7 +123,7 @@ def safe(outcome: Outcome) -> bool:
 
 
 def passes(outcome: Outcome) -> bool:
-    """Driven past everything without touching anything."""
+    """Driven as asked, whatever the bus did."""
     return judge(outcome.recording, outcome.scenario).passed
 
 

@@ -34,8 +34,8 @@ def add_golden(commands: argparse._SubParsersAction) -> None:
 def _compare(options: argparse.Namespace) -> int:
     from sidestep.validation.files import check_file, made
     from sidestep.validation.judge.summary import versions
-    from sidestep.validation.model_error.credibility import write_credibility_report
     from sidestep.validation.report.compare.compare import evidence, pairs, read_runs
+    from sidestep.validation.report.credibility import write_credibility_report
     from sidestep.validation.report.exports.junit import JunitCase, write_junit
 
     check_file(options.junit, "--junit")

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sidestep.plant_models.vehicle.parameters import GRAVITY
-from sidestep.validation.judge.geometry import Array
+from sidestep.validation.geometry import Array
 from sidestep.validation.judge.reachability import LAYER, SUBSTEPS, depth_first
 from sidestep.validation.scenarios.scenario import Scenario
 

@@ -11,7 +11,7 @@ import numpy as np
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.speed_control import limited_acceleration
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.judge.geometry import Array
+from sidestep.validation.geometry import Array
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.scenarios.scenario import Scenario
 

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sidestep.validation.geometry import Array, car_boxes, edge_clearance, obstacle_boxes, signed_clearance
 from sidestep.validation.judge.feasibility import way_past
 from sidestep.validation.judge.findings import Finding, Verdict
-from sidestep.validation.judge.geometry import Array, car_boxes, edge_clearance, obstacle_boxes, signed_clearance
 from sidestep.validation.judge.progress import Progress, progress
 from sidestep.validation.loop.recording import End, Recording
 from sidestep.validation.scenarios.scenario import Scenario

@@ -30,7 +30,7 @@ PLANT_STEP = 0.01
 """Longest plant step, and the period of the command frames on the bus, in [s]."""
 
 STANDSTILL = 0.1
-"""Speed below which a car that was told to stop counts as standing, in [m/s]."""
+"""Speed below which a car that was commanded to stop counts as standing, in [m/s]."""
 
 _S = list(SAMPLE_UNITS).index("s")
 

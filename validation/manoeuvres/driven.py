@@ -9,11 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.cli.console import number
+from sidestep.validation.console import number
 from sidestep.validation.judge.findings import Verdict
 from sidestep.validation.judge.simulate import simulate
+from sidestep.validation.scenarios.library import built_in_scenarios
 from sidestep.validation.scenarios.random_scenes import random_scene
-from sidestep.validation.scenarios.scenario import Scenario, built_in_scenarios, load_scenario, parse_scenario
+from sidestep.validation.scenarios.scenario import Scenario, load_scenario, parse_scenario
 from sidestep.validation.studies.moose import CASES, drive, highest, scene
 
 LANES = ((0.0, 15.0, 1.1, 0.0), (45.0, 70.0, 1.2, 3.5), (95.0, 110.0, 1.3, 0.0))

@@ -6,19 +6,19 @@ from pathlib import Path
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.cli.console import coloured
+from sidestep.validation.console import coloured
 from sidestep.validation.files import made, written_to
 from sidestep.validation.judge.findings import Verdict
-from sidestep.validation.loop.open_loop import RESPONSE_UNITS, Response, drive
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import write_columns
 from sidestep.validation.manoeuvres.catalogue import MANOEUVRES, Manoeuvre
 from sidestep.validation.manoeuvres.driven import DRIVEN, driven_manoeuvre
 from sidestep.validation.manoeuvres.handling import figures_of, overlay, ratings
-from sidestep.validation.model_error.envelope import open_loop_scenario
+from sidestep.validation.manoeuvres.open_loop import RESPONSE_UNITS, Response, drive
+from sidestep.validation.manoeuvres.scene import open_loop_scenario
 from sidestep.validation.report.exports.junit import judged_case, write_junit
 from sidestep.validation.report.style import write_figure
-from sidestep.validation.scenarios.scenario import built_in_scenarios
+from sidestep.validation.scenarios.library import built_in_scenarios
 from sidestep.validation.studies.limits import new_table, show
 
 

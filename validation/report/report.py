@@ -3,9 +3,10 @@
 from collections.abc import Sequence
 from typing import Any
 
-from sidestep.validation.cli.console import HEADS, cells, number, row_name
+from sidestep.validation.console import HEADS, cells, number, row_name
 from sidestep.validation.files import write_text, written_to
 from sidestep.validation.judge.findings import Verdict
+from sidestep.validation.judge.run import Run
 from sidestep.validation.judge.summary import strict_json
 from sidestep.validation.loop.recording import STEP_UNITS, write_columns
 from sidestep.validation.report.compare.comparison import Line, compared_signals, compared_top_view
@@ -17,7 +18,6 @@ from sidestep.validation.report.still import still
 from sidestep.validation.report.style import BLUE, GREEN, ORANGE, PURPLE
 from sidestep.validation.report.topview import distance, top_view
 from sidestep.validation.report.usage_figure import usage_figure
-from sidestep.validation.studies.runs import Run
 
 _COLOURS = {"linear": ORANGE, "single-track": GREEN, "mujoco": BLUE, "linear (paper)": PURPLE}
 
@@ -138,7 +138,7 @@ def _not_covered(run: Run) -> list[str]:
     if run.recording.estimated:
         sentences.append(f"What the plant does not report but estimates: {', '.join(run.recording.estimated)}.")
     if not plant.noise and not plant.measured_offset:
-        sentences.append("Noise and offset of the measured state: the controller is told the truth (plant.noise).")
+        sentences.append("Noise and offset of the measured state: the controller gets the true state (plant.noise).")
     if not plant.delay and run.summary["coupling"] == "zero-delay":
         sentences.append("Delay: a command acts in the period in which it was computed (plant.delay, --coupling).")
     return [

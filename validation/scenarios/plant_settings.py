@@ -16,7 +16,8 @@ class PlantSettings:
     """The table `plant` of a scenario file.
 
     Attributes:
-        kind: linear, single-track, double-track, mujoco, or an .fmu file, found from the scenario file's folder.
+        kind: linear, single-track, double-track, mujoco, an .fmu file, found from the scenario file's folder,
+            `package.module:factory`, or the name that an installed package gives its plant.
         friction: Road friction as a factor on the tyres' peak; of an .fmu file its parameter `friction`.
         tyre: What shears the tyres of MuJoCo's car, see `MujocoPlant`.
         grade, bank: Rise of its road per metre along x and along y.
@@ -26,6 +27,7 @@ class PlantSettings:
         steer_offset: Added to every commanded road-wheel angle, in [rad]: a misaligned steering, which the
             reported angle does not show.
         mass, stiffness: Of the plant's car and of its tyres, as factors on what the controller knows.
+        roll_centre: By which the roll centres of the plant's car lie above those that the controller knows, in [m].
         delay: Until a command reaches the steering and the drive, in [s].
         noise: Of the state that the controller gets, in multiples of `measurement.NOISE`; the judge sees the true one.
         noise_seed: Of that noise.
@@ -45,6 +47,7 @@ class PlantSettings:
     steer_offset: Annotated[float, Range(-1.0, 1.0, "rad")] = 0.0
     mass: Factor = 1.0
     stiffness: Factor = 1.0
+    roll_centre: Annotated[float, Range(0.0, 1.0, "m")] = 0.0
     delay: Annotated[float, Range(0.0, 5.0, "s")] = 0.0
     noise: Annotated[float, Range(0.0, 1e3)] = 0.0
     noise_seed: Annotated[int, Range(0, 2**63 - 1)] = 0
@@ -54,8 +57,8 @@ class PlantSettings:
 
     @property
     def name(self) -> str:
-        """For tables and file names: the kind, or the file's name without folder and ending."""
-        return Path(self.kind).stem
+        """For tables and file names: the kind, the file's name without folder and ending, or the factory's."""
+        return self.kind.rpartition(":")[2] if ":" in self.kind else Path(self.kind).stem
 
     @property
     def surface(self) -> Surface:
@@ -64,7 +67,9 @@ class PlantSettings:
 
 
 @dataclass
-class _Heights:
+class Heights:
+    """The table `plant.heights`: a file of heights, and where its grid lies."""
+
     path: str
     spacing: Annotated[float, Range(0.001, 1e4, "m")]
     x: Annotated[float, Range(-1e6, 1e6, "m")] = 0.0
@@ -86,5 +91,5 @@ def plant_settings(table: dict[str, Any], folder: Path) -> PlantSettings:
 
 
 def _heights(table: Any, folder: Path) -> HeightField:
-    values = checked(_Heights, table, "plant.heights")
+    values = checked(Heights, table, "plant.heights")
     return HeightField.from_csv(file_at(folder, values.pop("path"), "plant.heights.path"), **values)

@@ -36,7 +36,7 @@ from sidestep.controller.step import look_back
 from sidestep.plant_models.errors import PlantError
 from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.validation.cli.console import progress_bar
+from sidestep.validation.console import progress_bar
 from sidestep.validation.files import check_file, write_text, written_file
 from sidestep.validation.judge.summary import strict_json
 from sidestep.validation.loop.closed_loop import bare_controller

@@ -5,13 +5,14 @@ from pathlib import Path
 from typing import Any
 
 from sidestep.plant_models.errors import InputError, PlantError
-from sidestep.validation.cli.console import print_runs, progress_bar
+from sidestep.validation.console import print_runs, progress_bar
 from sidestep.validation.files import made, write_text, written_to
 from sidestep.validation.judge.findings import Verdict
+from sidestep.validation.judge.run import Run
 from sidestep.validation.judge.summary import strict_json
 from sidestep.validation.report.report import demo_report, write_run
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario
-from sidestep.validation.studies.runs import Run, drive
+from sidestep.validation.studies.runs import drive
 
 SCENES = ("single-obstacle", "double-obstacle")
 CASES = (("linear", "default"), ("single-track", "default"), ("mujoco", "default"), ("linear", "paper"))

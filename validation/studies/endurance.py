@@ -22,7 +22,7 @@ import numpy as np
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.validation.cli.console import number, progress_bar
+from sidestep.validation.console import number, progress_bar
 from sidestep.validation.files import made
 from sidestep.validation.judge.findings import Verdict
 from sidestep.validation.judge.verdict import judge

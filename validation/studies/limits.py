@@ -15,7 +15,7 @@ from rich.table import Table
 from scipy.stats import beta
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.cli.console import progress_bar
+from sidestep.validation.console import progress_bar
 from sidestep.validation.files import complete, made, write_text, written_to
 from sidestep.validation.judge.summary import strict_json
 

@@ -18,12 +18,12 @@ from pathlib import Path
 from rich.table import Table
 
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.validation.cli.console import number
+from sidestep.validation.console import number
 from sidestep.validation.files import made
 from sidestep.validation.judge.verdict import judge
 from sidestep.validation.loop.closed_loop import closed_loop
 from sidestep.validation.loop.delay_line import DelayLine
-from sidestep.validation.loop.plants import open_plant
+from sidestep.validation.loop.plants import ROLLING, open_plant
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario
 from sidestep.validation.studies.limits import (
     PLANT_OPTION,
@@ -75,8 +75,6 @@ CASES = (
     Case("linear tyres predicted", ("controller.tyre_model=linear",)),
     Case("paper", ("controller.preset=paper",)),
 )
-ROLLING = ("mujoco", "double-track")
-"""Plants with springs, of which the controller is told."""
 OFFSET_CASES = (Case("observed"), Case("not observed", ("controller.reject_disturbance=false",)))
 
 
@@ -193,9 +191,9 @@ def scene(case: Case, plant: str, speed: float, overrides: Sequence[str] = ()) -
     Raises:
         InputError: Bad override.
     """
-    told = [f"controller.body_roll={str(plant in ROLLING).lower()}"]
+    rolling = [f"controller.body_roll={str(plant in ROLLING).lower()}"]
     scenario = load_scenario(
-        "moose", [*told, *overrides, *case.overrides, f"plant.kind={plant}", f"speed={speed / 3.6}"]
+        "moose", [*rolling, *overrides, *case.overrides, f"plant.kind={plant}", f"speed={speed / 3.6}"]
     )  # fmt: skip
     config = scenario.controller
     obstacles = cones(scenario.vehicle.width, -config.width_right, config.width_left)

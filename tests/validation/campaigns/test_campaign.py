@@ -30,7 +30,7 @@ from sidestep.validation.campaigns.journal import open_journal, read_journal
 from sidestep.validation.cli.main import main
 from sidestep.validation.loop.closed_loop import open_controller
 from sidestep.validation.loop.measurement import FITTED_NOISE, NOISE, ImperfectMeasurement, measured
-from sidestep.validation.loop.plants import ImperfectSteering, true_vehicle
+from sidestep.validation.loop.plants import ImperfectSteering, open_plant, true_vehicle
 from sidestep.validation.model_error.sensitivity import first_order, separation, trend
 from sidestep.validation.report.exports.junit import write_junit
 from sidestep.validation.scenarios.scenario import load_scenario
@@ -121,7 +121,7 @@ def test_a_case_is_the_scenario_with_its_values(tmp_path):
         ('scenario = "moose"\nvary.start.l = {low = 0.0, high = 30.0}', "start.l: .*the road's edge"),
         (
             'scenario = "moose"\nset.plant.kind = "linear"\nvary.plant.friction = {low = 0.5, high = 1.0}',
-            "plant.friction: .*linear tyres do not slide",
+            "plant.friction: .*the plant linear does not know it",
         ),
     ],
 )
@@ -408,8 +408,10 @@ def test_mass_and_stiffness_change_the_car_and_not_what_the_controller_knows():
     assert true.yaw_inertia / known.yaw_inertia == pytest.approx(1.2)
     assert true.cornering_stiffness_rear / known.cornering_stiffness_rear == pytest.approx(0.9)
     assert true.tyre.p_ky1 / known.tyre.p_ky1 == pytest.approx(0.9)
-    with pytest.raises(InputError, match="an FMU has its own"):
-        true_vehicle(load_scenario("moose", ["plant.kind=x.fmu", "plant.mass=1.2"]))
+    with pytest.raises(
+        InputError, match=r"plant\.mass: 1\.2: the plant x does not know it; allowed: only with linear, "
+    ):
+        open_plant(load_scenario("moose", ["plant.kind=x.fmu", "plant.mass=1.2"]))
 
 
 class Noting:

@@ -18,15 +18,16 @@ from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.mujoco.plant import MujocoPlant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.cli.console import cells, number
 from sidestep.validation.cli.main import main
+from sidestep.validation.console import cells, number
 from sidestep.validation.interrupt import interrupts_between_steps
 from sidestep.validation.judge.findings import Verdict
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import read_columns
 from sidestep.validation.report import report as report_module
 from sidestep.validation.report.viewer import viewer
-from sidestep.validation.scenarios.scenario import built_in_scenarios, load_scenario
+from sidestep.validation.scenarios.library import built_in_scenarios
+from sidestep.validation.scenarios.scenario import load_scenario
 from sidestep.validation.studies import demo as demo_module
 from sidestep.validation.studies import runs as runs_module
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sidestep.plant_models.vehicle.parameters import GRAVITY
+from sidestep.validation.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
 from sidestep.validation.judge.feasibility import (
     LATERAL_SHARE,
     MARGIN,
@@ -15,7 +16,6 @@ from sidestep.validation.judge.feasibility import (
     assess,
     way_past,
 )
-from sidestep.validation.judge.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
 from sidestep.validation.judge.reachability import MAX_JERK
 from sidestep.validation.scenarios.random_scenes import random_scene
 from sidestep.validation.scenarios.scenario import Scenario, parse_scenario

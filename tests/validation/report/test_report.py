@@ -15,8 +15,8 @@ from stored_runs import drive
 from sidestep.validation.files import made, write_text
 from sidestep.validation.judge.findings import Verdict
 from sidestep.validation.judge.summary import strict_json
-from sidestep.validation.model_error.credibility import credibility_report
-from sidestep.validation.model_error.evidence import Evidence
+from sidestep.validation.report.credibility import credibility_report
+from sidestep.validation.report.evidence import Evidence
 from sidestep.validation.report.report import demo_report, run_report, write_run
 from sidestep.validation.report.scrubber import MOST_FRAMES, scrubber_data
 from sidestep.validation.report.usage_figure import prediction_errors

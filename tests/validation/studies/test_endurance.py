@@ -11,7 +11,7 @@ import pytest
 
 from sidestep.controller import SteeringController
 from sidestep.validation.cli.main import main
-from sidestep.validation.judge.geometry import car_boxes, obstacle_boxes, signed_clearance
+from sidestep.validation.geometry import car_boxes, obstacle_boxes, signed_clearance
 from sidestep.validation.loop import closed_loop
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.scenarios.scenario import parse_scenario

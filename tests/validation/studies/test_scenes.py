@@ -14,7 +14,7 @@ from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.signals import VehicleState
 from sidestep.validation.cli.main import main
-from sidestep.validation.judge.geometry import obstacle_boxes, signed_clearance
+from sidestep.validation.geometry import obstacle_boxes, signed_clearance
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.scenarios.random_scenes import MAX_CURVATURE, ROAD_ACCELERATION, SPEEDS, random_scene
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario, parse_scenario

@@ -9,7 +9,7 @@ import numpy as np
 from sidestep.plant_models.mujoco.bodies import WHEELS, corners
 from sidestep.plant_models.mujoco.plant import MujocoPlant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.validation.judge.geometry import Array
+from sidestep.validation.geometry import Array
 from sidestep.validation.loop.closed_loop import open_controller
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.model_error.mujoco.checks import Check

@@ -11,12 +11,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.cli.console import row_name
+from sidestep.validation.console import row_name
 from sidestep.validation.loop.recording import SAMPLE_UNITS, Array, Recording, read_columns
-from sidestep.validation.manoeuvres.rating import Rating, rate
-from sidestep.validation.model_error.evidence import Evidence, Table
 from sidestep.validation.report.compare.comparison import Line, compared_top_view
 from sidestep.validation.report.compare.golden import PERIOD, TIME_TOLERANCE, TOLERANCES, funnel
+from sidestep.validation.report.compare.rating import Rating, rate
+from sidestep.validation.report.evidence import Evidence, Table
 from sidestep.validation.report.style import BLUE, FAINT, GREEN, ORANGE, PURPLE, RED, SKY, panel, styled
 from sidestep.validation.scenarios.scenario import Scenario, scenario_from_tables
 

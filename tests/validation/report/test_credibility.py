@@ -3,8 +3,8 @@ from html_page import check_self_contained
 from matplotlib.figure import Figure
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.model_error.credibility import credibility_report, write_credibility_report
-from sidestep.validation.model_error.evidence import Evidence, Table
+from sidestep.validation.report.credibility import credibility_report, write_credibility_report
+from sidestep.validation.report.evidence import Evidence, Table
 from sidestep.validation.report.pages import LARGEST_SVG, picture
 
 NUMBERS = Table(("metric [m]", "verdict"), (("0.1 < 0.2", "PASS"), ("0.3", "FAIL")))

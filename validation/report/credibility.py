@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from sidestep.validation.files import write_text, written_to
-from sidestep.validation.model_error.evidence import Evidence
+from sidestep.validation.report.evidence import Evidence
 from sidestep.validation.report.pages import page, picture
 
 

@@ -9,8 +9,8 @@ from iso18571_signals import pairs
 from scipy.spatial.distance import cdist
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.manoeuvres.rating import best_shift, rate, warping_path
 from sidestep.validation.model_error.theil import theil
+from sidestep.validation.report.compare.rating import best_shift, rate, warping_path
 
 STORED = json.loads((Path(__file__).parent / "iso18571.json").read_text(encoding="utf-8"))["ratings"]
 

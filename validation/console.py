@@ -1,5 +1,6 @@
 """What the commands show: progress, and the table of runs that the demo's report has, too."""
 
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
@@ -27,6 +28,12 @@ HEADS = (
     "step [µs]\nmedian / p99", "CAN\nframes",
 )  # fmt: skip
 """Columns after plant and verdict."""
+
+
+def warn(sentences: Sequence[str]) -> None:
+    """Lines on stderr that do not change the exit status."""
+    for sentence in sentences:
+        print(f"sidestep: warning: {' '.join(sentence.split())}", file=sys.stderr)
 
 
 def number(value: float | None, unit: str, digits: int) -> str:

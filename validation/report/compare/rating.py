@@ -127,7 +127,7 @@ def _smooth(values: Array) -> Array:
 
 
 @kernel
-def warping_path(a, b, window):
+def warping_path(a: Array, b: Array, window: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Dynamic time warping: the path of least squared distance, within `window` samples of the diagonal.
 
     Returns:
