@@ -136,7 +136,7 @@ ACTIVE = np.dtype(
         *((name, F, (WIDTH,)) for name in ("x", "step", "normal", "along", "z", "r", "u", "rhs", "multipliers")),
         *((name, F, (ROWS + WIDTH,)) for name in ("low", "high", "weight", "value", "excess")),
         ("line", N, (ROWS + WIDTH,)), ("place", N, (LINES + WIDTH,)), ("edges", N, (SLACKS,)),
-        ("active", N, (WIDTH,)), ("flags", N, (ROWS + WIDTH,)),
+        ("active", N, (WIDTH,)), ("held", N, (ROWS + WIDTH,)),
     ],
     align=True,
 )  # fmt: skip

@@ -79,14 +79,14 @@ def add(size: int, count: int, fresh: float, code: int, multiplier: float, w: Re
         for q in range(w.width):
             w.J[j, q] -= factor * w.z[q]
     w.active[count], w.u[count] = code, multiplier
-    w.flags[~code if code < 0 else code] |= LOWER if code < 0 else UPPER
+    w.held[~code if code < 0 else code] |= LOWER if code < 0 else UPPER
 
 
 @bare_kernel
 def drop(count: int, place: int, w: Record) -> None:
     """Take an active bound out, by rotations that make R triangular again."""
     code = w.active[place]
-    w.flags[~code if code < 0 else code] &= ~(LOWER if code < 0 else UPPER)
+    w.held[~code if code < 0 else code] &= ~(LOWER if code < 0 else UPPER)
     for c in range(place, count - 1):
         w.active[c], w.u[c] = w.active[c + 1], w.u[c + 1]
         for j in range(c + 2):

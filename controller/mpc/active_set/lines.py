@@ -38,7 +38,7 @@ def load(p: Record, w: Record) -> int:
             for q in range(n):
                 w.columns[q, count] = p.slopes[i, q]
             w.low[count], w.high[count], w.excess[count] = low, high, 1.0 if s < slacks else 0.0
-            w.flags[count], w.line[count], w.place[i] = 0, i, count
+            w.held[count], w.line[count], w.place[i] = 0, i, count
             count += 1
     while s < slacks:
         w.edges[s] = count
@@ -83,7 +83,7 @@ def _load_variables(p, rows, w):
     for s in range(slacks):
         i = rows + n + s
         w.line[i], w.place[lines + n + s] = lines + n + s, i
-        w.low[i], w.flags[i], w.active[s], w.u[s] = 0.0, LOWER, ~i, w.price[s]
+        w.low[i], w.held[i], w.active[s], w.u[s] = 0.0, LOWER, ~i, w.price[s]
         finite += 0.0 * w.price[s]
         if not (w.price[s] >= 0.0 and 0.0 < w.curvature[s] < np.inf):
             return False
@@ -93,7 +93,7 @@ def _load_variables(p, rows, w):
 @bare_kernel
 def _leave_empty(i, w):
     """A place that no bound has."""
-    w.low[i], w.high[i], w.value[i], w.weight[i], w.excess[i], w.flags[i] = -np.inf, np.inf, 0.0, 1.0, 0.0, 0
+    w.low[i], w.high[i], w.value[i], w.weight[i], w.excess[i], w.held[i] = -np.inf, np.inf, 0.0, 1.0, 0.0, 0
 
 
 @bare_kernel
@@ -112,7 +112,7 @@ def most_violated(p: Record, total: int, w: Record) -> int:
         if excess > TOLERANCE and excess * w.weight[i] > worst:
             lower = w.low[i] - w.value[i] > w.value[i] - w.high[i]
             bound, side = (w.low[i], LOWER) if lower else (w.high[i], UPPER)
-            if excess > TOLERANCE * (1.0 + abs(bound)) and not w.flags[i] & side:
+            if excess > TOLERANCE * (1.0 + abs(bound)) and not w.held[i] & side:
                 worst, found = excess * w.weight[i], ~i if lower else i
     return found
 

@@ -132,6 +132,28 @@ def test_position_of_another_point_becomes_that_of_the_centre_of_gravity(foreign
     assert (state.x, state.y) == pytest.approx((CAR.l_r * math.cos(3.1), CAR.l_r * math.sin(3.1)))  # the car cannot
 
 
+def test_motion_of_another_point_becomes_that_of_the_centre_of_gravity(foreign):
+    """What is reported as speeds is how the reported position moves, whichever point of the body the FMU tells of."""
+    for ahead in (-CAR.l_r, 0.0, CAR.l_f):
+        mapping = Mapping.from_text(f"reference_point = {ahead}\n" + FOREIGN_MAP)
+        with FmuPlant.from_file(foreign[0], mapping) as plant:
+            plant.reset(VehicleState(v_x=15.0))
+            rows = slalom(plant, 150, 0.01)
+        _, x, y, yaw, v_x, v_y, yaw_rate, _ = 0.5 * (rows[51:] + rows[50:-1]).T
+        east, north = (np.diff(rows[50:, 1:3], axis=0) / 0.01).T
+        assert np.abs(yaw_rate).max() > 0.2
+        assert np.abs(east * np.cos(yaw) + north * np.sin(yaw) - v_x).max() < 0.01
+        assert np.abs(north * np.cos(yaw) - east * np.sin(yaw) - v_y).max() < 0.01
+
+
+def test_a_start_is_that_of_the_centre_of_gravity_whichever_point_is_set():
+    values = model_values(find_model("single-track"), CAR, 1.0)
+    with FmuPlant(build_fmu(), Mapping(parameters=values, reference_point=-CAR.l_r)) as plant:
+        asked = VehicleState(0.0, 2.0, 3.0, 0.4, 15.0, 0.1, 0.3, 0.01)
+        assert astuple(plant.reset(asked)) == pytest.approx(astuple(asked))
+        assert plant._signals["v_y"] == pytest.approx(0.1 - CAR.l_r * 0.3)  # the rear swings out
+
+
 def test_pedals_follow_the_speed_control(tmp_path):
     text = description(3).replace('name="target_speed"', 'name="gas"').replace('name="steer_offset"', 'name="bremse"')
     text = text.replace('name="speed_gain"', 'name="Bremse"')
