@@ -70,6 +70,8 @@ class EstimatorConfig:
         gate: Share of good measurements that pass.
         patience: Measurements of a signal rejected in a row after which the sensor is believed, not the filter.
         reach: Lateness of a measurement that is still used, in [s].
+        front_stiffness, rear_stiffness: Cornering stiffness of the axle over that of its tyres: what steering and
+            suspension give way.
         lever: Distance of the accelerometer ahead of the reference point, in [m].
         rolling, sliding: Speeds up to which the car rolls where its wheels point, and from which on it slides as its
             tyres do, in [m/s].
@@ -100,6 +102,8 @@ class EstimatorConfig:
     gate: Annotated[float, Range(0.5, 1.0 - 1e-12)] = 0.999
     patience: Annotated[int, Range(1, 1_000_000)] = 10
     reach: Annotated[float, Range(0.0, 0.5, "s")] = 0.5
+    front_stiffness: Annotated[float, Range(0.1, 10.0)] = 1.0
+    rear_stiffness: Annotated[float, Range(0.1, 10.0)] = 1.0
     lever: Annotated[float, Range(-50.0, 50.0, "m")] = 0.0
     rolling: Annotated[float, Range(0.5, 10.0, "m/s")] = 2.0
     sliding: Annotated[float, Range(0.6, 20.0, "m/s")] = 4.0
@@ -124,7 +128,7 @@ def estimator_settings(car: Car, c: EstimatorConfig) -> NDArray[np.void]:
         "gate": (NormalDist().inv_cdf(0.5 + 0.5 * c.gate) ** 2, -2.0 * math.log(1.0 - c.gate)),
         "patience": c.patience, "reach": c.reach, "lever": c.lever, "steer_limit": car.steer_limit,
         "least": (least_slope(car.stiffness_f, car.load_f, car), least_slope(car.stiffness_r, car.load_r, car)),
-        "blend": (c.rolling, c.sliding),
+        "stiffness": (c.front_stiffness, c.rear_stiffness), "blend": (c.rolling, c.sliding),
     })  # fmt: skip
 
 

@@ -28,8 +28,10 @@ def touch(x, car, c, w):
     v = max(x[V_X], c.blend[0])
     front = x[STEER] - (x[V_Y] + car.l_f * x[YAW_RATE]) / v
     rear = -(x[V_Y] - car.l_r * x[YAW_RATE]) / v
-    w.tangents[0], w.tangents[1] = tangent(front, c.least[0], car.stiffness_f, car.load_f, car, 0.0)
-    w.tangents[2], w.tangents[3] = tangent(rear, c.least[1], car.stiffness_r, car.load_r, car, 0.0)
+    front, rear = front * c.stiffness[0], rear * c.stiffness[1]
+    slope_f, w.tangents[1] = tangent(front, c.least[0], car.stiffness_f, car.load_f, car, 0.0)
+    slope_r, w.tangents[3] = tangent(rear, c.least[1], car.stiffness_r, car.load_r, car, 0.0)
+    w.tangents[0], w.tangents[2] = slope_f * c.stiffness[0], slope_r * c.stiffness[1]
     w.lag = tyre_lag(v, w.tangents[0] + w.tangents[2], car) if car.relaxation > 0.0 else 0.0
 
 

@@ -62,14 +62,14 @@ ESTIMATOR = np.dtype(
     [
         ("noise", F, (SIGNALS,)), ("walk", F, (STATES,)), ("free_steer", F), ("kinematic", F, (2,)),
         ("start", F, (STATES,)), ("gate", F, (2,)), ("patience", N), ("reach", F),
-        ("least", F, (2,)), ("lever", F), ("steer_limit", F), ("blend", F, (2,)),
+        ("least", F, (2,)), ("stiffness", F, (2,)), ("lever", F), ("steer_limit", F), ("blend", F, (2,)),
     ],
     align=True,
 )  # fmt: skip
 """Settings that hold for a drive: standard deviation of each signal; of each state's random walk in a second, and of
 the steering angle's where no command is known; of v_y [m/s] and yaw rate [rad/s] about the rolling car's at low speed;
 of each state at the start; chi-square gates of one and two degrees; misfits in a row after which a sensor is believed;
-lateness that is still used [s]; least slopes of the axle forces [N/rad]; accelerometer ahead of the reference point
+lateness that is still used [s]; least slopes of the axle forces [N/rad]; slope of front and rear axle force over that of its tyres; accelerometer ahead of the reference point
 [m]; speeds between which the rolling car becomes the sliding one [m/s]."""
 
 FILTER = np.dtype(
