@@ -36,8 +36,8 @@ class Measurement:
         steer_angle: Road-wheel angle, in [rad].
         lateral_acceleration: That an accelerometer feels, gravity included, in [m/s^2].
         pose_time: Of x, y and yaw, in [s]; NaN if they are of `time`.
-        command: Road-wheel angle commanded from now on, in [rad]; NaN if nobody knows.
-        acceleration: Change of v_x expected from now on, in [m/s^2].
+        command: Road-wheel angle commanded from now on, in [rad]; what was, goes on if it is NaN.
+        acceleration: Change of v_x expected from now on, in [m/s^2]; what was, goes on if it is NaN.
     """
 
     time: float

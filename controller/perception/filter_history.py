@@ -67,9 +67,11 @@ def _put(e, time, measured, first, last, c):
     late = i < e.count
     _make_room(e, i)
     now = slot(e, i)
-    now.time = time
-    now.command = slot(e, i - 1).command if late else measured.command
-    now.acceleration = slot(e, i - 1).acceleration if late else measured.acceleration
+    now.time, now.command, now.acceleration = time, measured.command, measured.acceleration
+    if i > 0 and (late or math.isnan(now.command)):
+        now.command = slot(e, i - 1).command
+    if i > 0 and (late or math.isnan(now.acceleration)):
+        now.acceleration = slot(e, i - 1).acceleration
     for signal in range(SIGNALS):
         now.z[signal] = measured.z[signal] if first <= signal < last else math.nan
     return i

@@ -66,9 +66,9 @@ def balance(x, steer, steer_rate, car, c, w):
 
 @bare_kernel
 def sliding(v_x, c):
-    """How far the sliding car counts, from 0 (it rolls) to 1."""
+    """How far the sliding car counts, from 0 (it rolls) to 1, and its change with speed, in [s/m]."""
     share = min(max((v_x - c.blend[0]) / (c.blend[1] - c.blend[0]), 0.0), 1.0)
-    return share * share * (3.0 - 2.0 * share)
+    return share * share * (3.0 - 2.0 * share), 6.0 * share * (1.0 - share) / (c.blend[1] - c.blend[0])
 
 
 @bare_kernel
@@ -121,19 +121,20 @@ def _slide(x, new, h, rate, car, c, w):
 
 
 @bare_kernel
-def _roll(x, share, car, c, w):
-    """Blend with the car that rolls where its wheels point; `share` is how far it slides."""
+def _roll(x, share, more, car, c, w):
+    """Blend with the car that rolls where its wheels point; `share` and `more` as of `sliding`."""
     v, wheelbase = x[V_X], car.l_f + car.l_r
     direction = math.tan(x[STEER])
-    rises = (1.0 + direction * direction) / wheelbase
+    wider = (1.0 + direction * direction) / wheelbase
     for state, lever, k in ((V_Y, car.l_r, 0), (YAW_RATE, 1.0, 1)):
         row, steer = w.transition[state], w.transition[STEER]
-        by_steer, by_speed = lever * v * rises, lever * direction / wheelbase
-        x[state] = share * x[state] + (1.0 - share) * by_speed * v
+        by_steer, by_speed = lever * v * wider, lever * direction / wheelbase
+        slid, rolled = x[state], by_speed * v
+        x[state] = share * slid + (1.0 - share) * rolled
         w.noise[state] = share * w.noise[state] + (1.0 - share) * c.kinematic[k] ** 2
         for i in range(V_X, STATES):
             row[i] = share * row[i] + (1.0 - share) * by_steer * steer[i]
-        row[V_X] += (1.0 - share) * by_speed
+        row[V_X] += (1.0 - share) * by_speed + more * (slid - rolled)
 
 
 @bare_kernel
@@ -200,9 +201,9 @@ def _step(now, command, acceleration, h, car, c, w):
     touch(x, car, c, w)
     now.steer_rate = _steer(x, now.x, command, h, car, c, w)
     _slide(x, now.x, h, now.steer_rate, car, c, w)
-    share = sliding(now.x[V_X], c)
+    share, more = sliding(now.x[V_X], c)
     if share < 1.0:
-        _roll(now.x, share, car, c, w)
+        _roll(now.x, share, more, car, c, w)
     _place(x, now.x, h, w)
     _grow(now.P, w)
 

@@ -14,7 +14,7 @@ NONE, USED, REJECTED, FORCED = range(4)
 
 
 @bare_kernel
-def _row(now, signal, car, c, w):
+def expect(now, signal, car, c, w):
     """What a signal should show at the state of a slot; its row is filled."""
     x, row = now.x, w.row
     for i in range(STATES):
@@ -37,16 +37,18 @@ def _felt(now, car, c, w):
     x, row = now.x, w.row
     touch(x, car, c, w)
     balance(x, x[STEER], now.steer_rate, car, c, w)
-    m, share, v_x, rate = w.mass, sliding(x[V_X], c), x[V_X], x[YAW_RATE]
-    scale = share / (m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0])
+    m, (share, more) = w.mass, sliding(x[V_X], c)
+    scale = 1.0 / (m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0])
     side = scale * (m[1, 1] - c.lever * m[1, 0])  # of the lateral force, then of the moment
     turn = scale * (c.lever * m[0, 0] - m[0, 1])
+    slid = side * w.force[0] + turn * w.force[1]
+    side, turn = share * side, share * turn
     row[V_Y] = side * w.jacobian[0, 0] + turn * w.jacobian[1, 0]
-    row[YAW_RATE] = side * w.jacobian[0, 1] + turn * w.jacobian[1, 1] + v_x
+    row[YAW_RATE] = side * w.jacobian[0, 1] + turn * w.jacobian[1, 1] + x[V_X]
     row[STEER] = side * w.by_steer[0] + turn * w.by_steer[1]
-    row[V_X] = side * w.by_speed[0] + turn * w.by_speed[1] + rate
+    row[V_X] = side * w.by_speed[0] + turn * w.by_speed[1] + more * slid + x[YAW_RATE]
     row[SHARE] = (side * car.mass - 1.0) * GRAVITY
-    return side * w.force[0] + turn * w.force[1] + v_x * rate - GRAVITY * x[SHARE]
+    return share * slid + x[V_X] * x[YAW_RATE] - GRAVITY * x[SHARE]
 
 
 @bare_kernel
@@ -103,14 +105,14 @@ def use(now, signal, car, c, w):
         _forget(now, signal, c)
         if signal == YAW:
             now.x[YAW] = now.z[YAW]
-    innovation = _misfit(now, signal, _row(now, signal, car, c, w))
+    innovation = _misfit(now, signal, expect(now, signal, car, c, w))
     _correct(now, innovation, _spread(now.P, w), c.noise[signal] ** 2, w)
 
 
 @bare_kernel
 def _look(e, now, signal, car, c, w):
     """Write down a signal's innovation and its variance; row and column are filled. Returns P's part of it."""
-    e.innovation[signal] = _misfit(now, signal, _row(now, signal, car, c, w))
+    e.innovation[signal] = _misfit(now, signal, expect(now, signal, car, c, w))
     spread = _spread(now.P, w)
     e.innovation_variance[signal] = spread + c.noise[signal] ** 2
     return spread

@@ -33,8 +33,8 @@ MEASUREMENT = np.dtype(
     align=True,
 )  # fmt: skip
 """What sensors say, NaN where they say nothing: signals `z` at `time`, of which x, y and yaw are of `pose_time` if that
-is not NaN; road-wheel angle commanded from now on [rad], NaN if nobody knows; change of v_x expected from now on
-[m/s^2], NaN for none."""
+is not NaN; road-wheel angle commanded [rad] and change of v_x expected [m/s^2] from now on, NaN where what was goes on
+(before the first of them, nobody knows the command)."""
 
 SLOT = np.dtype(
     [
