@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sidestep.controller.memory import packed, unpacked
 from sidestep.controller.mpc.car_model import Car, least_slope
-from sidestep.controller.perception.filter_history import look, step
+from sidestep.controller.perception.filter_history import look, step, tell
 from sidestep.controller.perception.state_estimator import (
     BIAS, ESTIMATE, ESTIMATOR, FILTER, LATERAL, MEASUREMENT, NAMES, SIGNAL_NAMES, SLOTS, STATES,
 )  # fmt: skip
@@ -36,8 +36,6 @@ class Measurement:
         steer_angle: Road-wheel angle, in [rad].
         lateral_acceleration: That an accelerometer feels, gravity included, in [m/s^2].
         pose_time: Of x, y and yaw, in [s]; NaN if they are of `time`.
-        command: Road-wheel angle commanded from now on, in [rad]; what was, goes on if it is NaN.
-        acceleration: Change of v_x expected from now on, in [m/s^2]; what was, goes on if it is NaN.
     """
 
     time: float
@@ -50,8 +48,6 @@ class Measurement:
     steer_angle: float = math.nan
     lateral_acceleration: float = math.nan
     pose_time: float = math.nan
-    command: float = math.nan
-    acceleration: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -85,20 +81,20 @@ class EstimatorConfig:
     yaw_rate_noise: Annotated[float, Range(1e-6, 10.0, "rad/s")] = 0.005
     steer_noise: Annotated[float, Range(1e-6, 1.0, "rad")] = 0.001
     lateral_noise: Annotated[float, Range(1e-4, 1e2, "m/s²")] = 0.2
-    position_walk: Annotated[float, Range(0.0, 1e2, "m/√s")] = 0.005
-    yaw_walk: Annotated[float, Range(0.0, 1.0, "rad/√s")] = 0.0005
+    position_walk: Annotated[float, Range(0.0, 1e2, "m/√s")] = 0.001
+    yaw_walk: Annotated[float, Range(0.0, 1.0, "rad/√s")] = 1e-4
     v_x_walk: Annotated[float, Range(0.0, 1e2, "m/s/√s")] = 1.0
-    v_y_walk: Annotated[float, Range(0.0, 1e2, "m/s/√s")] = 0.1
-    yaw_rate_walk: Annotated[float, Range(0.0, 1e2, "rad/s/√s")] = 0.05
-    steer_walk: Annotated[float, Range(0.0, 10.0, "rad/√s")] = 0.005
+    v_y_walk: Annotated[float, Range(0.0, 1e2, "m/s/√s")] = 0.05
+    yaw_rate_walk: Annotated[float, Range(0.0, 1e2, "rad/s/√s")] = 0.02
+    steer_walk: Annotated[float, Range(0.0, 10.0, "rad/√s")] = 0.002
     free_steer_walk: Annotated[float, Range(0.0, 10.0, "rad/√s")] = 0.1
     bias_walk: Annotated[float, Range(0.0, 1.0, "rad/s/√s")] = 1e-4
-    offset_walk: Annotated[float, Range(0.0, 1.0, "rad/√s")] = 1e-3
-    share_walk: Annotated[float, Range(0.0, 1.0, "1/√s")] = 0.01
-    start_v_y: Annotated[float, Range(0.0, 100.0, "m/s")] = 1.0
+    offset_walk: Annotated[float, Range(0.0, 1.0, "rad/√s")] = 1e-4
+    share_walk: Annotated[float, Range(0.0, 1.0, "1/√s")] = 0.002
+    start_v_y: Annotated[float, Range(0.0, 100.0, "m/s")] = 0.5
     start_bias: Annotated[float, Range(0.0, 1.0, "rad/s")] = 0.01
-    start_offset: Annotated[float, Range(0.0, 1.0, "rad")] = 0.01
-    start_share: Annotated[float, Range(0.0, 1.0)] = 0.03
+    start_offset: Annotated[float, Range(0.0, 1.0, "rad")] = 0.005
+    start_share: Annotated[float, Range(0.0, 1.0)] = 0.02
     gate: Annotated[float, Range(0.5, 1.0 - 1e-12)] = 0.999
     patience: Annotated[int, Range(1, 1_000_000)] = 10
     reach: Annotated[float, Range(0.0, 0.5, "s")] = 0.5
@@ -154,6 +150,7 @@ class StateEstimator:
         self._work, self._measured, self._out = record(FILTER), record(MEASUREMENT), np.zeros(STATES + 1)
         self.reset()
         self.step(Measurement(0.0, v_x=10.0))  # so that nothing is left to be loaded on the road
+        self.tell(0.0)
         self.reset()
 
     def reset(self) -> None:
@@ -170,12 +167,19 @@ class StateEstimator:
             time that can be used.
         """
         m, taken = measurement, self._measured[0]
-        taken["time"], taken["pose_time"], taken["command"], taken["acceleration"] = (
-            m.time, m.pose_time, m.command, m.acceleration,
-        )  # fmt: skip
+        taken["time"], taken["pose_time"] = m.time, m.pose_time
         taken["z"] = m.x, m.y, m.yaw, m.v_x, m.v_y, m.yaw_rate, m.steer_angle, m.lateral_acceleration
         step(self._estimate, self._settings, self._car, self._measured, self._work, self._out)
         return self.state
+
+    def tell(self, steer_angle: float, acceleration: float = math.nan) -> None:
+        """What the car is told at the newest time, to hold until it is told something else.
+
+        Args:
+            steer_angle: Road-wheel angle commanded, in [rad]; NaN, as before the first call: nobody knows.
+            acceleration: Change of v_x that is expected, in [m/s^2]; NaN if none is.
+        """
+        tell(self._estimate, steer_angle, acceleration)
 
     @property
     def state(self) -> VehicleState:

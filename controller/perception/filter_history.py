@@ -64,14 +64,11 @@ def _put(e, time, measured, first, last, c):
         return -1
     if e.count == SLOTS:
         e.first, e.count, i = (e.first + 1) % SLOTS, e.count - 1, i - 1
-    late = i < e.count
     _make_room(e, i)
     now = slot(e, i)
-    now.time, now.command, now.acceleration = time, measured.command, measured.acceleration
-    if i > 0 and (late or math.isnan(now.command)):
-        now.command = slot(e, i - 1).command
-    if i > 0 and (late or math.isnan(now.acceleration)):
-        now.acceleration = slot(e, i - 1).acceleration
+    now.time = time
+    now.command = slot(e, i - 1).command if i > 0 else math.nan
+    now.acceleration = slot(e, i - 1).acceleration if i > 0 else math.nan
     for signal in range(SIGNALS):
         now.z[signal] = measured.z[signal] if first <= signal < last else math.nan
     return i
@@ -110,6 +107,15 @@ def take(e, measured, car, c, w):
     _insert(e, measured.time, measured, V_X if late or measured.pose_time > measured.time else X, SIGNALS, car, c, w)
     if late:
         _insert(e, measured.pose_time, measured, X, V_X, car, c, w)
+
+
+@bare_kernel
+def tell(estimates, command, acceleration):
+    """Road-wheel angle commanded [rad] and change of v_x expected [m/s^2] from the newest slot on; NaN: unknown."""
+    e = estimates[0]
+    if e.count > 0:
+        now = newest(e)
+        now.command, now.acceleration = command, acceleration
 
 
 @bare_kernel

@@ -1,6 +1,6 @@
 """The filter's prediction: the controller's model of the car, and how uncertainty grows with it.
 
-Axle forces are tangents at the state that the step starts from, and lag behind their slip by the relaxation length,
+Axle forces are tangents about the state that the step starts from, and lag behind their slip by the relaxation length,
 which makes (v_y, yaw rate) a linear system with a mass matrix: M z' = f(z). It is stepped by the trapezoidal rule,
 stable at every speed. Below walking pace slip says nothing: the car then rolls where its wheels point.
 """
@@ -23,36 +23,38 @@ MOST_STEPS = 50
 
 
 @bare_kernel
-def touch(x, car, c, w):
-    """Tangents of both axle forces, and the tyres' lag, at a state."""
+def touch(now, car, c):
+    """Tangents of both axle forces, and the tyres' lag, at the state of a slot."""
+    x = now.x
     v = max(x[V_X], c.blend[0])
     front = x[STEER] - (x[V_Y] + car.l_f * x[YAW_RATE]) / v
     rear = -(x[V_Y] - car.l_r * x[YAW_RATE]) / v
     front, rear = front * c.stiffness[0], rear * c.stiffness[1]
-    slope_f, w.tangents[1] = tangent(front, c.least[0], car.stiffness_f, car.load_f, car, 0.0)
-    slope_r, w.tangents[3] = tangent(rear, c.least[1], car.stiffness_r, car.load_r, car, 0.0)
-    w.tangents[0], w.tangents[2] = slope_f * c.stiffness[0], slope_r * c.stiffness[1]
-    w.lag = tyre_lag(v, w.tangents[0] + w.tangents[2], car) if car.relaxation > 0.0 else 0.0
+    slope_f, now.tangents[1] = tangent(front, c.least[0], car.stiffness_f, car.load_f, car, 0.0)
+    slope_r, now.tangents[3] = tangent(rear, c.least[1], car.stiffness_r, car.load_r, car, 0.0)
+    now.tangents[0], now.tangents[2] = slope_f * c.stiffness[0], slope_r * c.stiffness[1]
+    now.lag = tyre_lag(v, now.tangents[0] + now.tangents[2], car) if car.relaxation > 0.0 else 0.0
 
 
 @bare_kernel
-def balance(x, steer, steer_rate, car, c, w):
-    """Fill mass, force and its derivatives of M (v_y', yaw acceleration) = f, with the tangents in `w`.
+def balance(now, x, steer, steer_rate, car, c, w):
+    """Fill mass, force and its derivatives of M (v_y', yaw acceleration) = f.
 
     Args:
+        now: Slot with the tangents.
         x: State; its steering angle is not used.
         steer, steer_rate: Road-wheel angle [rad] and rate [rad/s].
         car, c, w: Car, settings, work space.
     """
     v, l_f, l_r = max(x[V_X], c.blend[0]), car.l_f, car.l_r
-    slope_f, slope_r = w.tangents[0], w.tangents[2]
+    slope_f, slope_r = now.tangents[0], now.tangents[2]
     aside_f, aside_r = (x[V_Y] + l_f * x[YAW_RATE]) / v, (x[V_Y] - l_r * x[YAW_RATE]) / v
-    force_f = w.tangents[1] + slope_f * (steer - w.lag * steer_rate - aside_f)
-    force_r = w.tangents[3] - slope_r * aside_r
+    force_f = now.tangents[1] + slope_f * (steer - now.lag * steer_rate - aside_f)
+    force_r = now.tangents[3] - slope_r * aside_r
     total, moment = (slope_f + slope_r) / v, (l_f * slope_f - l_r * slope_r) / v
     turning = (l_f * l_f * slope_f + l_r * l_r * slope_r) / v
-    w.mass[0, 0], w.mass[1, 1] = car.mass - w.lag * total, car.yaw_inertia - w.lag * turning
-    w.mass[0, 1] = w.mass[1, 0] = -w.lag * moment
+    w.mass[0, 0], w.mass[1, 1] = car.mass - now.lag * total, car.yaw_inertia - now.lag * turning
+    w.mass[0, 1] = w.mass[1, 0] = -now.lag * moment
     w.jacobian[0, 0], w.jacobian[0, 1] = -total, -moment - car.mass * x[V_X]
     w.jacobian[1, 0], w.jacobian[1, 1] = -moment, -turning
     w.force[0] = force_f + force_r + car.mass * (GRAVITY * x[SHARE] - x[V_X] * x[YAW_RATE])
@@ -90,10 +92,10 @@ def _steer(x, new, command, h, car, c, w):
 
 
 @bare_kernel
-def _slide(x, new, h, rate, car, c, w):
+def _slide(now, x, h, car, c, w):
     """(v_y, yaw rate) of the sliding car, and their rows."""
-    steer, lag = w.transition[STEER], w.lag
-    balance(x, 0.5 * (x[STEER] + new[STEER]), rate, car, c, w)
+    new, steer, lag = now.x, w.transition[STEER], now.lag
+    balance(now, x, 0.5 * (x[STEER] + new[STEER]), now.steer_rate, car, c, w)
     a, j = w.mass, w.jacobian
     f_0 = w.force[0] + 0.5 * w.by_speed[0] * (new[V_X] - x[V_X])
     f_1 = w.force[1] + 0.5 * w.by_speed[1] * (new[V_X] - x[V_X])
@@ -161,29 +163,28 @@ def _place(x, new, h, w):
 
 
 @bare_kernel
-def _applied(t, matrix, out):
-    """out = transition matrix: position adds to itself, the disturbances stay."""
-    for i in range(STATES):
-        for j in range(STATES):
-            out[i, j] = 0.0 if YAW <= i < BIAS else matrix[i, j]
+def _grow(P, w):
+    """P = transition P transition' + noise, symmetric to the last bit.
+
+    Position adds to itself only, and the disturbances stay.
+    """
+    t, product = w.transition, w.product
     for i in range(BIAS):
+        for j in range(STATES):
+            product[i, j] = P[i, j] if i < YAW else 0.0
         for k in range(YAW, STATES):
             for j in range(STATES):
-                out[i, j] += t[i, k] * matrix[k, j]
-
-
-@bare_kernel
-def _grow(covariance, w):
-    """P = transition P transition' + noise, symmetric to the last bit."""
-    _applied(w.transition, covariance, w.product)
+                product[i, j] += t[i, k] * P[k, j]
+    for i in range(BIAS):
+        for j in range(i + 1):
+            total = product[i, j] if j < YAW else 0.0
+            for k in range(YAW, STATES):
+                total += product[i, k] * t[j, k]
+            P[i, j] = P[j, i] = total
+        for j in range(BIAS, STATES):
+            P[i, j] = P[j, i] = product[i, j]
     for i in range(STATES):
-        for j in range(STATES):
-            w.turned[i, j] = w.product[j, i]
-    _applied(w.transition, w.turned, w.product)
-    for i in range(STATES):
-        for j in range(i):
-            covariance[i, j] = covariance[j, i] = w.product[i, j]
-        covariance[i, i] = w.product[i, i] + w.noise[i]
+        P[i, i] += w.noise[i]
 
 
 @bare_kernel
@@ -198,9 +199,8 @@ def _step(now, command, acceleration, h, car, c, w):
     w.transition[V_X, V_X] = 1.0
     if not math.isnan(acceleration):
         now.x[V_X] = x[V_X] + h * acceleration
-    touch(x, car, c, w)
     now.steer_rate = _steer(x, now.x, command, h, car, c, w)
-    _slide(x, now.x, h, now.steer_rate, car, c, w)
+    _slide(now, x, h, car, c, w)
     share, more = sliding(now.x[V_X], c)
     if share < 1.0:
         _roll(now.x, share, more, car, c, w)
@@ -213,13 +213,15 @@ def predict(before, after, car, c, w):
     """Go from one slot to the time of the next.
 
     Args:
-        before: Slot with state, covariance, and what is commanded from it on.
+        before: Slot with state, covariance, tangents, and what is commanded from it on.
         after: Slot whose time is set and not earlier; state, covariance and steering rate are filled.
         car: Record of `CAR`.
         c: Settings, record of `ESTIMATOR`.
         w: Work space, record of `FILTER`.
     """
-    after.steer_rate = before.steer_rate
+    after.steer_rate, after.lag = before.steer_rate, before.lag
+    for i in range(4):
+        after.tangents[i] = before.tangents[i]
     for i in range(STATES):
         after.x[i] = before.x[i]
         for j in range(STATES):
@@ -228,5 +230,7 @@ def predict(before, after, car, c, w):
     if passed <= 0.0:
         return
     steps = int(min(math.ceil(passed / LONGEST_STEP - 1e-6), MOST_STEPS))
-    for _ in range(steps):
+    for k in range(steps):
+        if k > 0:
+            touch(after, car, c)
         _step(after, before.command, before.acceleration, passed / steps, car, c, w)

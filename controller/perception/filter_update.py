@@ -35,8 +35,7 @@ def expect(now, signal, car, c, w):
 def _felt(now, car, c, w):
     """The accelerometer: v_y' + v_x yaw rate + lever yaw acceleration, less what gravity does."""
     x, row = now.x, w.row
-    touch(x, car, c, w)
-    balance(x, x[STEER], now.steer_rate, car, c, w)
+    balance(now, x, x[STEER], now.steer_rate, car, c, w)
     m, (share, more) = w.mass, sliding(x[V_X], c)
     scale = 1.0 / (m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0])
     side = scale * (m[1, 1] - c.lever * m[1, 0])  # of the lateral force, then of the moment
@@ -75,18 +74,17 @@ def _spread(P, w):
 @bare_kernel
 def _correct(now, innovation, spread, variance, w):
     """x += K innovation, P = (1 - K row) P (1 - K row)' + K variance K'."""
-    P, gain, column, product = now.P, w.gain, w.column, w.product
+    P, gain, column = now.P, w.gain, w.column
     for i in range(STATES):
         gain[i] = column[i] / (spread + variance)
         now.x[i] += gain[i] * innovation
     for i in range(STATES):
         left = column[i] - gain[i] * spread  # of the column
         for j in range(STATES):
-            product[i, j] = P[i, j] - gain[i] * column[j] + (gain[i] * variance - left) * gain[j]
+            P[i, j] += (gain[i] * variance - left) * gain[j] - gain[i] * column[j]
     for i in range(STATES):
         for j in range(i):
-            P[i, j] = P[j, i] = product[i, j]
-        P[i, i] = product[i, i]
+            P[j, i] = P[i, j]
 
 
 @bare_kernel
@@ -170,7 +168,7 @@ def update(e, now, car, c, w):
 
     Args:
         e: Record of `ESTIMATE`; counts.
-        now: Slot with predicted state and covariance, and signals; corrected, verdicts are filled.
+        now: Slot with predicted state and covariance, and signals; corrected, verdicts and tangents are filled.
         car: Record of `CAR`.
         c: Settings, record of `ESTIMATOR`.
         w: Work space, record of `FILTER`.
@@ -183,6 +181,8 @@ def update(e, now, car, c, w):
     if whole:
         _take_position(e, now, car, c, w)
     for signal in range(YAW if whole else X, SIGNALS):
+        if signal == LATERAL:
+            touch(now, car, c)
         if math.isfinite(now.z[signal]):
             _take(e, now, signal, car, c, w)
 
@@ -191,5 +191,7 @@ def update(e, now, car, c, w):
 def update_again(now, car, c, w):
     """Correct a slot by the signals that were used before: what was decided stays."""
     for signal in range(SIGNALS):
+        if signal == LATERAL:
+            touch(now, car, c)
         if now.verdict[signal] == USED or now.verdict[signal] == FORCED:
             use(now, signal, car, c, w)

@@ -25,26 +25,20 @@ SLOTS = 64
 
 F, N, I = np.float64, np.int64, np.int8
 
-MEASUREMENT = np.dtype(
-    [
-        ("time", F), ("pose_time", F), ("z", F, (SIGNALS,)),
-        ("command", F), ("acceleration", F),
-    ],
-    align=True,
-)  # fmt: skip
+MEASUREMENT = np.dtype([("time", F), ("pose_time", F), ("z", F, (SIGNALS,))], align=True)
 """What sensors say, NaN where they say nothing: signals `z` at `time`, of which x, y and yaw are of `pose_time` if that
-is not NaN; road-wheel angle commanded [rad] and change of v_x expected [m/s^2] from now on, NaN where what was goes on
-(before the first of them, nobody knows the command)."""
+is not NaN."""
 
 SLOT = np.dtype(
     [
         ("time", F), ("z", F, (SIGNALS,)), ("verdict", I, (SIGNALS,)), ("command", F), ("acceleration", F),
-        ("steer_rate", F), ("x", F, (STATES,)), ("P", F, (STATES, STATES)),
+        ("steer_rate", F), ("tangents", F, (4,)), ("lag", F), ("x", F, (STATES,)), ("P", F, (STATES, STATES)),
     ],
     align=True,
 )  # fmt: skip
-"""One record taken, what was thought of each of its signals, and state and covariance with it; what is commanded from
-then on, and the rate at which the wheels got there."""
+"""One record taken, what was thought of each of its signals, and state and covariance with it; road-wheel angle
+commanded [rad] and change of v_x expected [m/s^2] from then on, NaN if nobody knows, and the rate at which the wheels
+got there [rad/s]; slope [N/rad] and force at zero slip [N] of front and rear axle, lag of their forces [s]."""
 
 ESTIMATE = np.dtype(
     [
@@ -74,13 +68,12 @@ lateness that is still used [s]; least slopes of the axle forces [N/rad]; slope 
 
 FILTER = np.dtype(
     [
-        ("transition", F, (STATES, STATES)), ("product", F, (STATES, STATES)), ("turned", F, (STATES, STATES)),
-        ("x", F, (STATES,)), ("noise", F, (STATES,)), ("row", F, (STATES,)), ("gain", F, (STATES,)), ("column", F, (STATES,)),
-        ("tangents", F, (4,)), ("mass", F, (2, 2)), ("jacobian", F, (2, 2)), ("force", F, (2,)),
-        ("by_steer", F, (2,)), ("by_speed", F, (2,)), ("lag", F),
+        ("transition", F, (STATES, STATES)), ("product", F, (STATES, STATES)), ("x", F, (STATES,)), ("noise", F, (STATES,)), ("row", F, (STATES,)), ("gain", F, (STATES,)), ("column", F, (STATES,)),
+        ("mass", F, (2, 2)), ("jacobian", F, (2, 2)), ("force", F, (2,)),
+        ("by_steer", F, (2,)), ("by_speed", F, (2,)),
     ],
     align=True,
 )  # fmt: skip
-"""Work space, nothing in it lasts: transition of the states, products, state before, noise added; row of a measurement, its gain and
-P times the row; slope and force at zero slip of both axles; mass times change of (v_y, yaw rate) = force, and its
-derivatives by these two, steering angle and v_x; lag of the tyres [s]."""
+"""Work space, nothing in it lasts: transition of the states, its product with P, state before, noise added; row of a
+measurement, its gain and P times the row; mass times change of (v_y, yaw rate) = force, and its
+derivatives by these two, steering angle and v_x."""

@@ -13,7 +13,7 @@ from sidestep.controller.mpc.discretise import WIDTH
 from sidestep.controller.mpc.prediction import advance, model_block
 from sidestep.controller.perception import state_estimator as layout
 from sidestep.controller.perception.estimator import EstimatorConfig, Measurement, StateEstimator
-from sidestep.controller.perception.filter_motion import predict
+from sidestep.controller.perception.filter_motion import predict, touch
 from sidestep.controller.perception.filter_update import expect
 from sidestep.controller.perception.state_estimator import FILTER, SIGNALS, SLOT, STATES
 from sidestep.controller.records import record
@@ -39,11 +39,13 @@ def predicted(estimator, state, command, time=PERIOD):
 
 @njit
 def forward(before, after, cars, settings, work):
+    touch(before[0], cars[0], settings[0])
     predict(before[0], after[0], cars[0], settings[0], work[0])
 
 
 @njit
 def shown(now, signal, cars, settings, work):
+    touch(now[0], cars[0], settings[0])
     return expect(now[0], signal, cars[0], settings[0], work[0])
 
 
@@ -115,10 +117,9 @@ def test_forces_lag_behind_slip_as_in_the_controllers_model():
     x = np.zeros(STATES)
     x[layout.V_X] = 15.0
     h, command = 1e-5, 0.001
-    predicted(estimator, x, command, h)
-    tangents = estimator._work["tangents"][0]
+    slot = predicted(estimator, x, command, h)
+    after, tangents = slot["x"][0], slot["tangents"][0]
     model_block(15.0, tangents[0], tangents[2], car, block)
-    after = predicted(estimator, x, command, h)["x"][0]
     rates = block[:, 5] * command
     assert after[layout.V_Y] / 15.0 / h == pytest.approx(rates[2], rel=1e-3)
     assert after[layout.YAW_RATE] / h == pytest.approx(rates[3], rel=1e-3)
@@ -137,7 +138,7 @@ def test_slow_car_rolls_where_its_wheels_point():
 
 
 def world(estimator, seed, count, period=PERIOD):
-    """A drive of the filter's own model with all its noise: measurements in time, and true states."""
+    """A drive of the filter's own model with all its noise: true states, measurements in time, commands."""
     random = np.random.default_rng(seed)
     start, walk, noise = (estimator._settings[name][0] for name in ("start", "walk", "noise"))
     truth, drive = np.zeros(STATES), []
@@ -150,7 +151,7 @@ def world(estimator, seed, count, period=PERIOD):
         slots[0]["x"] = truth
         shows = [shown(slots[0], i, estimator._car, estimator._settings, estimator._work) for i in range(SIGNALS)]
         shows += noise * random.standard_normal(SIGNALS)
-        drive.append((truth.copy(), measurement(k * period, shows, command, pose=k % 5 == 0)))
+        drive.append((truth.copy(), measurement(k * period, shows, pose=k % 5 == 0), command))
         slots[0]["command"], slots[0]["acceleration"], slots[1]["time"] = command, math.nan, period
         forward(*slots, estimator._car, estimator._settings, estimator._work)
         slots[0]["steer_rate"] = slots[1]["steer_rate"]
@@ -158,11 +159,11 @@ def world(estimator, seed, count, period=PERIOD):
     return drive
 
 
-def measurement(time, shows, command, pose):
+def measurement(time, shows, pose):
     values = dict(zip(layout.SIGNAL_NAMES, map(float, shows), strict=True)) | {"v_y": math.nan}
     if not pose:
         values |= dict.fromkeys(POSE, math.nan)
-    return Measurement(time, command=command, **values)
+    return Measurement(time, **values)
 
 
 @pytest.mark.closed_loop
@@ -172,8 +173,9 @@ def test_normalised_innovations_are_chi_square_over_100_seeds():
     squares, degrees, errors = np.zeros(count), np.zeros(count), []
     for seed in range(seeds):
         filtered.reset()
-        for k, (truth, measured) in enumerate(world(filtered, seed, count)):
+        for k, (truth, measured, command) in enumerate(world(filtered, seed, count)):
             filtered.step(measured)
+            filtered.tell(command)
             square, freedom = filtered.normalised_square
             squares[k], degrees[k] = squares[k] + square, degrees[k] + freedom
         missed = filtered._out[1:] - truth
@@ -188,7 +190,7 @@ def test_normalised_innovations_are_chi_square_over_100_seeds():
 
 
 def true_and_measured(seconds=4.0, late=0):
-    """A linear plant under a sine of steering, poses at 10 Hz, `late` periods old."""
+    """A linear plant under a sine of steering, poses at 10 Hz, `late` periods old: true state, measurement, command."""
     random, plant, past = np.random.default_rng(1), LinearPlant(BMW), []
     state = plant.reset(VehicleState(v_x=15.0))
     for k in range(round(seconds / PERIOD)):
@@ -200,16 +202,18 @@ def true_and_measured(seconds=4.0, late=0):
         if k % 5 == 0 and k >= late:
             pose = {name: noisy[name] + getattr(past[k - late], name) - getattr(state, name) for name in POSE}
             pose["pose_time"] = past[k - late].time
-        yield state, Measurement(state.time, command=command, **known, **pose)
+        yield state, Measurement(state.time, **known, **pose), command
         state = plant.step(SteeringCommand(state.time, command, 15.0), PERIOD)
 
 
 def test_late_pose_is_worth_what_it_would_have_been_in_time():
     """The same poses, told 0.2 s late or in time: the same state, once all have come."""
     early, late, waiting = StateEstimator(BMW), StateEstimator(BMW), []
-    for _, m in true_and_measured():
+    for _, m, command in true_and_measured():
         early.step(m)
         late.step(replace(m, x=math.nan, y=math.nan, yaw=math.nan, pose_time=math.nan))
+        early.tell(command)
+        late.tell(command)
         waiting.append(m)
         if len(waiting) > 10:
             old = waiting.pop(0)
@@ -225,8 +229,9 @@ def test_late_pose_is_worth_what_it_would_have_been_in_time():
 @pytest.mark.parametrize("late", [0, 5, 20])
 def test_state_comes_out_without_v_y(late):
     filtered, errors = StateEstimator(BMW), []
-    for truth, measured in true_and_measured(8.0, late):
+    for truth, measured, command in true_and_measured(8.0, late):
         state = filtered.step(measured)
+        filtered.tell(command)
         errors.append([getattr(state, name) - getattr(truth, name) for name in layout.NAMES[: layout.BIAS]])
         deviations = np.sqrt(np.diag(filtered.covariance))[: layout.BIAS]
     rms = np.sqrt(np.mean(np.square(errors[100:]), axis=0))
@@ -237,7 +242,7 @@ def test_state_comes_out_without_v_y(late):
 
 def test_wild_measurement_is_left_out_and_counted():
     calm, hit = StateEstimator(BMW), StateEstimator(BMW)
-    for k, (_, measured) in enumerate(true_and_measured()):
+    for k, (_, measured, _) in enumerate(true_and_measured()):
         calm.step(measured)
         wild = measured
         if k in (100, 150):
@@ -250,7 +255,7 @@ def test_wild_measurement_is_left_out_and_counted():
 
 def test_sensor_that_stays_away_is_believed_in_the_end():
     filtered = StateEstimator(BMW)
-    for truth, measured in true_and_measured():
+    for truth, measured, _ in true_and_measured():
         state = filtered.step(replace(measured, x=measured.x + (100.0 if truth.time > 1.0 else 0.0)))
     assert filtered.rejected["x"] == filtered.config.patience
     assert state.x == pytest.approx(truth.x + 100.0, abs=0.1)
@@ -258,7 +263,7 @@ def test_sensor_that_stays_away_is_believed_in_the_end():
 
 def test_what_is_not_measured_or_comes_at_no_time_changes_nothing():
     filtered = StateEstimator(BMW)
-    for _, measured in true_and_measured(1.0):
+    for _, measured, _ in true_and_measured(1.0):
         filtered.step(measured)
     state, covariance = filtered.state, filtered.covariance
     for other in (Measurement(math.nan, v_x=3.0), Measurement(measured.time - 0.6, v_x=3.0), Measurement(-1.0, v_x=3.0)):
@@ -273,8 +278,9 @@ def test_what_is_not_measured_or_comes_at_no_time_changes_nothing():
 
 def test_covariance_stays_symmetric_and_positive():
     filtered = StateEstimator(BMW, EstimatorConfig(yaw_rate_noise=1e-6, steer_noise=1e-6, position_noise=1e-4))
-    for _, measured in true_and_measured(4.0, late=10):
+    for _, measured, command in true_and_measured(4.0, late=10):
         filtered.step(measured)
+        filtered.tell(command)
         covariance = filtered.covariance
         assert (covariance == covariance.T).all()
         scale = np.sqrt(np.diag(covariance))
@@ -282,7 +288,7 @@ def test_covariance_stays_symmetric_and_positive():
 
 
 def test_restored_estimator_goes_on_to_the_last_bit():
-    drive = [measured for _, measured in true_and_measured(3.0, late=5)]
+    drive = [measured for _, measured, _ in true_and_measured(3.0, late=5)]
     original, other = StateEstimator(BMW), StateEstimator(BMW)
     for measured in drive[:90]:
         original.step(measured)
@@ -301,7 +307,7 @@ def test_yaw_rate_bias_shows_at_standstill_and_does_not_turn_the_car():
     filtered, random = StateEstimator(BMW), np.random.default_rng(0)
     for k in range(500):
         rate = 0.02 + 0.005 * random.standard_normal()
-        state = filtered.step(Measurement(k * PERIOD, 1.0, 2.0, 0.3, 0.0, yaw_rate=rate, steer_angle=0.1, command=0.1))
+        state = filtered.step(Measurement(k * PERIOD, 1.0, 2.0, 0.3, 0.0, yaw_rate=rate, steer_angle=0.1))
     assert filtered.disturbances["bias"] == pytest.approx(0.02, abs=0.002)
     assert abs(state.yaw_rate) < 0.003
     assert state.yaw == pytest.approx(0.3, abs=0.005)
