@@ -81,8 +81,9 @@ def row(name: str, folder: Path) -> list[str]:
             flipped[bit // 8] ^= 1 << bit % 8
             refused += message.profile.counter_of(flipped) is None
     share = f"{accepted} of {COUNT}" if rule else "no rule in its parser"
-    return [name, f"0x{message.frame_id:X}", f"{worst:.3f}", f"{flags} of {COUNT}", share,
-            f"{refused} of {COUNT}" if message.profile.checksum else "no checksum", "lenient" if bus.remarks else ""]  # fmt: skip
+    checksum = f"{refused} of {COUNT}" if message.profile.checksum else "no checksum"
+    read = "lenient" if bus.remarks else ""
+    return [name, f"0x{message.frame_id:X}", f"{worst:.3f}", f"{flags} of {COUNT}", share, checksum, read]
 
 
 def main() -> None:

@@ -19,8 +19,8 @@ VALIDATION = (
 )  # fmt: skip
 """The same of its rooms."""
 
-KNOWN = {"controller": {("records", "decision")}, "fmu": {("importing", "native")}}
-"""Arrows that run back: the memory is as large as the lattice; `FmuPlant.native` builds the FMU that it opens."""
+KNOWN = {"fmu": {("importing", "native")}}
+"""Arrows that run back: `FmuPlant.native` builds the FMU that it opens."""
 
 ALL = {"numpy", "scipy", "numba", "llvmlite", "piqp"}
 """What the controller may load beside the standard library (llvmlite is numba's)."""

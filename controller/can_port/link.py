@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol, Self
 
 import can
+
 from sidestep.controller.can_port.bus.bus import Bus, key_of
 from sidestep.controller.can_port.bus.faults import FaultSpec, FaultyBus
 from sidestep.controller.can_port.bus.log import open_log

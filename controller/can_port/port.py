@@ -10,6 +10,7 @@ from time import monotonic
 from typing import Self
 
 import can
+
 from sidestep.controller.can_port.bus.bus import Bus, key_of, resolve_spec
 from sidestep.controller.can_port.bus.log import open_log
 from sidestep.controller.can_port.codec.database import CYCLE, EXTENDED, BusMessage

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from sidestep.plant_models.kernels import Array, kernel
 
-LAYERS = 60
 SPACING_TIME = 1.0 / 15.0
 MIN_SPACING = 0.5
 LATERAL_STEP = 0.08

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from sidestep.controller.config import ControllerConfig
 from sidestep.controller.decision.corridor import Way, corridor_bounds, lateral_interval
 from sidestep.controller.decision.costs import Lattice, node_costs
-from sidestep.controller.decision.lattice import LATERAL_STEP, LAYERS, arrival_times, layer_spacing, shortest_path
+from sidestep.controller.decision.lattice import LATERAL_STEP, arrival_times, layer_spacing, shortest_path
 from sidestep.controller.decision.stopping import GRIP_SHARE
 from sidestep.controller.decision.view import View
+from sidestep.controller.records import LAYERS
 from sidestep.plant_models.kernels import Record, kernel
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 

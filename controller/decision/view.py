@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sidestep.controller.decision.lattice import LAYERS, arrival_times, layer_spacing
-from sidestep.controller.records import OBSTACLES
+from sidestep.controller.decision.lattice import arrival_times, layer_spacing
+from sidestep.controller.records import LAYERS, OBSTACLES
 from sidestep.plant_models.kernels import Array, Record, kernel
 
 VIEW_TIME = 6.0

@@ -5,9 +5,10 @@ import math
 import numpy as np
 
 from sidestep.controller.decision.corridor import obstacle_polygons
-from sidestep.controller.decision.lattice import LATERAL_STEP, LAYERS, layer_spacing
+from sidestep.controller.decision.lattice import LATERAL_STEP, layer_spacing
 from sidestep.controller.decision.planner import FREE, PlannedPath, Start, plan_path
 from sidestep.controller.decision.view import View, coming
+from sidestep.controller.records import LAYERS
 from sidestep.plant_models.kernels import Record, kernel
 
 BRAKING_DELAY = 0.1

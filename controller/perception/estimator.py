@@ -12,7 +12,16 @@ from sidestep.controller.memory import packed, unpacked
 from sidestep.controller.mpc.car_model import Car, least_slope
 from sidestep.controller.perception.filter_history import look, step, tell
 from sidestep.controller.perception.state_estimator import (
-    BIAS, ESTIMATE, ESTIMATOR, FILTER, LATERAL, MEASUREMENT, NAMES, SIGNAL_NAMES, SLOTS, STATES,
+    BIAS,
+    ESTIMATE,
+    ESTIMATOR,
+    FILTER,
+    LATERAL,
+    MEASUREMENT,
+    NAMES,
+    SIGNAL_NAMES,
+    SLOTS,
+    STATES,
 )  # fmt: skip
 from sidestep.controller.records import CAR, filled, record
 from sidestep.plant_models.ranges import Range, check

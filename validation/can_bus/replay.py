@@ -8,10 +8,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import can
 import numpy as np
 from matplotlib.figure import Figure
 
-import can
 from sidestep.controller import SteeringController
 from sidestep.controller.can_port.bus.bus import Bus, key_of
 from sidestep.controller.can_port.bus.log import LogReport, read_log

@@ -14,6 +14,7 @@ from time import monotonic
 from typing import Any, Self
 
 import can
+
 from sidestep.controller.can_port.codec.database import EXTENDED, Frame
 from sidestep.plant_models.errors import InputError
 

@@ -17,6 +17,7 @@ from typing import Any, BinaryIO
 
 import can
 from can.io.blf import BLFParseError
+
 from sidestep.controller.can_port.bus.log_blf import CarefulBlfReader
 from sidestep.controller.can_port.bus.log_text import candump, table
 from sidestep.controller.can_port.codec.samples import EXACT_ID, LOG_CHANNEL

@@ -6,6 +6,7 @@ from dataclasses import fields
 from math import isfinite, pi, remainder
 
 import can
+
 from sidestep.controller.can_port.codec.database import CYCLE, BusMessage, messages
 from sidestep.controller.can_port.codec.messages import ANSWERS
 from sidestep.plant_models.signals import VehicleState

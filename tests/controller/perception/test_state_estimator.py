@@ -1,4 +1,4 @@
-"""The state estimator: its prediction is the model's, its numbers mean what they say, and sensors may be late or wrong."""
+"""The state estimator: it predicts as the model does, its numbers mean what they say, sensors may be late or wrong."""
 
 import math
 from dataclasses import replace
@@ -15,7 +15,7 @@ from sidestep.controller.perception import state_estimator as layout
 from sidestep.controller.perception.estimator import EstimatorConfig, Measurement, StateEstimator
 from sidestep.controller.perception.filter_motion import predict, touch
 from sidestep.controller.perception.filter_update import expect
-from sidestep.controller.perception.state_estimator import FILTER, SIGNALS, SLOT, STATES
+from sidestep.controller.perception.state_estimator import SIGNALS, SLOT, STATES
 from sidestep.controller.records import record
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.linear.plant import LinearPlant
@@ -83,13 +83,14 @@ def test_row_is_the_derivative_of_what_a_signal_should_show(speed):
     estimator, x, step, now = linear(EstimatorConfig(lever=0.4)), state_at(speed), 1e-6, record(SLOT)
     now["steer_rate"] = 0.3
 
-    def value(state):
+    def value(state, signal):
         now["x"] = state
         return shown(now, signal, estimator._car, estimator._settings, estimator._work)
 
     for signal in range(SIGNALS):
-        slopes = [(value(x + step * row) - value(x - step * row)) / (2.0 * step) for row in np.eye(STATES)]
-        value(x)
+        ends = [(value(x + step * row, signal), value(x - step * row, signal)) for row in np.eye(STATES)]
+        slopes = [(above - below) / (2.0 * step) for above, below in ends]
+        value(x, signal)
         compare(estimator._work["row"][0], np.array(slopes))
 
 
@@ -173,7 +174,7 @@ def test_normalised_innovations_are_chi_square_over_100_seeds():
     squares, degrees, errors = np.zeros(count), np.zeros(count), []
     for seed in range(seeds):
         filtered.reset()
-        for k, (truth, measured, command) in enumerate(world(filtered, seed, count)):
+        for k, (_, measured, command) in enumerate(world(filtered, seed, count)):
             filtered.step(measured)
             filtered.tell(command)
             square, freedom = filtered.normalised_square
@@ -266,7 +267,11 @@ def test_what_is_not_measured_or_comes_at_no_time_changes_nothing():
     for _, measured, _ in true_and_measured(1.0):
         filtered.step(measured)
     state, covariance = filtered.state, filtered.covariance
-    for other in (Measurement(math.nan, v_x=3.0), Measurement(measured.time - 0.6, v_x=3.0), Measurement(-1.0, v_x=3.0)):
+    for other in (
+        Measurement(math.nan, v_x=3.0),
+        Measurement(measured.time - 0.6, v_x=3.0),
+        Measurement(-1.0, v_x=3.0),
+    ):
         assert filtered.step(other) == state
     assert (filtered.rejected["unusable"], filtered.rejected["too_late"]) == (1, 2)
     filtered.step(Measurement(measured.time + PERIOD))

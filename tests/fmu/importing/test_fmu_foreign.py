@@ -1,6 +1,7 @@
 """FMUs by somebody else: driven by a mapping file alone, estimated, isolated, checked."""
 
 import math
+from dataclasses import astuple
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from sidestep.fmu.importing.estimation import Estimator
 from sidestep.fmu.importing.mapping import OUTPUTS, Mapping
 from sidestep.fmu.importing.plant import FmuPlant
 from sidestep.fmu.native.build import build_fmu
+from sidestep.fmu.native.plants import find_model, model_values
 from sidestep.fmu.native.platforms import compile_library
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.linear.plant import LinearPlant
@@ -139,7 +141,7 @@ def test_motion_of_another_point_becomes_that_of_the_centre_of_gravity(foreign):
         with FmuPlant.from_file(foreign[0], mapping) as plant:
             plant.reset(VehicleState(v_x=15.0))
             rows = slalom(plant, 150, 0.01)
-        _, x, y, yaw, v_x, v_y, yaw_rate, _ = 0.5 * (rows[51:] + rows[50:-1]).T
+        _, _, _, yaw, v_x, v_y, yaw_rate, _ = 0.5 * (rows[51:] + rows[50:-1]).T
         east, north = (np.diff(rows[50:, 1:3], axis=0) / 0.01).T
         assert np.abs(yaw_rate).max() > 0.2
         assert np.abs(east * np.cos(yaw) + north * np.sin(yaw) - v_x).max() < 0.01

@@ -147,8 +147,7 @@ def test_a_plant_that_breaks_down_ends_the_run_and_leaves_no_traceback(module, t
     with open_plant(scene(name)) as plant:
         plant.reset(scene(name).start)
         with pytest.raises(PlantError, match="ZeroDivisionError"):
-            for _ in range(60):
-                plant.step(SteeringCommand(0.0, 0.0, 15.0), 0.01)
+            all(plant.step(SteeringCommand(0.0, 0.0, 15.0), 0.01) for _ in range(60))
 
 
 @pytest.fixture
