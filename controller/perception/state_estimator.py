@@ -63,8 +63,9 @@ ESTIMATOR = np.dtype(
 """Settings that hold for a drive: standard deviation of each signal; of each state's random walk in a second, and of
 the steering angle's where no command is known; of v_y [m/s] and yaw rate [rad/s] about the rolling car's at low speed;
 of each state at the start; chi-square gates of one and two degrees; misfits in a row after which a sensor is believed;
-lateness that is still used [s]; least slopes of the axle forces [N/rad]; slope of front and rear axle force over that of
-its tyres; accelerometer ahead of the reference point [m]; speeds between which the rolling car becomes the sliding one [m/s]."""
+lateness that is still used [s]; least slopes of the axle forces [N/rad]; slope of front and rear axle force over that
+of its tyres; accelerometer ahead of the reference point [m]; speeds between which the rolling car becomes the sliding
+one [m/s]."""
 
 FILTER = np.dtype(
     [

@@ -174,12 +174,12 @@ def test_normalised_innovations_are_chi_square_over_100_seeds():
     squares, degrees, errors = np.zeros(count), np.zeros(count), []
     for seed in range(seeds):
         filtered.reset()
-        for k, (_, measured, command) in enumerate(world(filtered, seed, count)):
+        for k, (truth, measured, command) in enumerate(world(filtered, seed, count)):  # noqa: B007 (the last is used)
             filtered.step(measured)
             filtered.tell(command)
             square, freedom = filtered.normalised_square
             squares[k], degrees[k] = squares[k] + square, degrees[k] + freedom
-        missed = filtered._out[1:] - truth
+        missed = filtered._out[1:] - truth  # the last of them
         errors.append(missed @ np.linalg.solve(filtered.covariance, missed))
     low, high = chi2.ppf([[0.025], [0.975]], degrees[1:])
     inside = np.mean((squares[1:] >= low) & (squares[1:] <= high))

@@ -75,7 +75,7 @@ def test_a_file_of_heights_reaches_the_plant_from_the_scenario_s_folder(tmp_path
 def test_bad_values_are_named_by_their_key(override, where):
     with pytest.raises(InputError) as error:
         open_plant(load_scenario("moose", [override]))
-    assert error.value.where == where
+    assert error.value.where.removeprefix("moose: ") == where
 
 
 @pytest.mark.parametrize("override", ["plant.tyre=contact", "plant.grade=0.1", PATCH])

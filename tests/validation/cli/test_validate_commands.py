@@ -75,7 +75,7 @@ def test_the_controller_drives_a_scenario_as_a_manoeuvre(tmp_path, capsys):
     command = ["validate", "--manoeuvre", "single-obstacle", "--plant", "linear", "--junit", str(tmp_path / "j.xml")]
     assert main(command) == 0
     assert "clearance 0.2" in capsys.readouterr().out
-    assert main([*command, "--set", "duration=2"]) == 0
+    assert main([*command, "--set", "duration=4"]) == 0
     assert main([*command, "--set", "plant.measured_offset=1"]) == 1  # here it counts
     (case,) = ElementTree.parse(tmp_path / "j.xml").getroot()[0]
     assert case[0].get("message") in capsys.readouterr().out

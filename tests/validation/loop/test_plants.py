@@ -189,7 +189,7 @@ def test_it_runs_alone_and_on_a_bus(can, at_root, tmp_path):
 
 def test_it_is_a_node_on_a_bus_between_processes(at_root, multicast_spec, tmp_path, monkeypatch):
     monkeypatch.setattr(report, "run_report", lambda run: "<!doctype html>")
-    common = ["single-obstacle", "--can", multicast_spec, "--set", "duration=1.0"]
+    common = ["single-obstacle", "--can", multicast_spec, "--set", "duration=4.0"]
     command = [sys.executable, "-m", "sidestep.validation", "can", "drive", *common, "--out", str(tmp_path / "c")]
     with subprocess.Popen(command) as controller:
         assert main(["can", "plant", *common, "--plant", NAME, "--out", str(tmp_path / "p")]) == 0
