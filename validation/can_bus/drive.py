@@ -29,6 +29,7 @@ from sidestep.controller.can_port.nodes import ControllerNode, VehicleNode
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
+from sidestep.validation.can_bus.limits import within
 from sidestep.validation.files import made
 from sidestep.validation.interrupt import interrupts_between_steps
 from sidestep.validation.judge.findings import Verdict, for_the_judge
@@ -276,16 +277,6 @@ def _serve(link: RealTimeLink, node: ControllerNode) -> tuple[bool, float]:
         finally:
             link.send(node.leave())
     return interrupted, used / max(CYCLE, (node.heard or 0.0) - began[0]) if began else 0.0
-
-
-def within(scenario: Scenario, bus: BusDescription) -> Scenario:
-    """The scenario with a car that steers no faster and no farther than the interface lets pass at its speed."""
-    if bus.interface is None:
-        return scenario
-    car = scenario.vehicle
-    rate = min(car.steer_rate_limit, bus.interface.rate(scenario.speed))
-    limit = min(car.steer_limit, bus.interface.highest(scenario.speed))
-    return replace(scenario, vehicle=replace(car, steer_rate_limit=rate, steer_limit=limit))
 
 
 def _actuator(scenario: Scenario) -> ActuatorConfig:

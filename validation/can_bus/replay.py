@@ -28,7 +28,7 @@ from sidestep.controller.can_port.listener import Assembler, Sample
 from sidestep.controller.can_port.nodes import Steering
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.validation.can_bus.drive import within
+from sidestep.validation.can_bus.limits import within
 from sidestep.validation.files import made, written_to
 from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.loop.recording import Array, write_columns

@@ -17,13 +17,12 @@ from sidestep.controller.can_port.codec.database import (
 )
 from sidestep.controller.can_port.codec.foreign import load_database, message_named, signal_named
 from sidestep.controller.can_port.codec.mapped import (
-    Field,
     MappedMessage,
     Number,
     as_curvature,
     number_of,
-    profile_of,
 )
+from sidestep.controller.can_port.codec.mapped_profile import Field, profile_of
 from sidestep.controller.can_port.codec.messages import STEER_CMD, STEER_STATUS, ActuatorState
 from sidestep.controller.can_port.interface import Interface
 from sidestep.plant_models.errors import InputError

@@ -237,7 +237,7 @@ def test_corrupt_frames_pass_the_crc_by_chance_only():
         (["drive", "single-obstacle", "--can", "virtual:x"], "does not reach another process"),
         (["monitor", "--can", "off"], "does not reach another process"),
         (["plant", "nowhere", "--can", "auto"], "no built-in scenario"),
-        (["replay", "no.blf", "--what-if", "single-obstacle"], "cannot be read (No such file"),
+        (["replay", "no.blf", "--what-if", "single-obstacle"], "cannot read the CAN log: No such file"),
         (["replay", "no.trc", "--can", "socketcan:nocan"], "no CAN interface 'nocan'"),
         (["faults", "--spec", "no.toml"], "No such file"),
     ],
