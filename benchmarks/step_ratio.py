@@ -6,6 +6,7 @@ Each checkout has a process of its own, which waits while the other one works. A
 rounds, which takes out what other programs do to the machine; printed are median and p99 of these, and their ratios.
 """
 
+import importlib
 import json
 import os
 import statistics

@@ -152,7 +152,8 @@ def test_a_mapping_file_tells_identify_the_car(tmp_path, capsys):
     """Motion knows ratios to the mass alone: with another mass, other stiffnesses, as well explained."""
     table, found = tmp_path / "map.toml", []
     for told in ("", "[vehicle]\nmass = 1500.0\n"):
-        table.write_text(f"estimate = []\n{told}")
+        start = "".join(f'{name} = "{name}_0"\n' for name in ("x", "y", "yaw", "v_x", "v_y", "yaw_rate"))
+        table.write_text(f"estimate = []\n[start]\n{start}{told}")
         file = tmp_path / f"car{len(found)}.toml"
         line = ["identify", "--plant", str(build_fmu("linear")), "--map", str(table), "--out", str(file)]
         assert main(line) == 0
