@@ -25,7 +25,7 @@ CAR = VehicleParameters.preset(
 )
 CONFIG = EstimatorConfig(
     v_x_noise=0.05, yaw_rate_noise=0.01, steer_noise=0.001, lateral_noise=2.0,  # bumps, not white: more than they spread
-    v_x_walk=3.0, v_y_walk=0.6, yaw_rate_walk=0.1, free_steer_walk=0.3, share_walk=0.005,
+    v_x_walk=3.0, v_y_walk=0.6, yaw_rate_walk=0.1, force_doubt=0.0, free_steer_walk=0.3, share_walk=0.005,
     start_bias=0.005, start_offset=0.005,
     front_stiffness=0.92, rear_stiffness=1.24,
 )  # fmt: skip
