@@ -164,7 +164,11 @@ def _make_finite(plan, n):
 def _command(m, c):
     """The plan's angle one period ahead, less what the wheels have anyway, as the command to send."""
     plan, limit = m.plans[m.last], c.car.steer_limit
-    angle = min(max(plan.states[1, 5] - (m.disturbance.actuator + m.disturbance.sensor), -limit), limit)
+    angle = plan.states[1, 5] - (m.disturbance.actuator + m.disturbance.sensor)
+    if m.commanded:  # a plan of another moment or another offset must not make the wheels jump
+        most = c.car.rate_limit * c.period
+        angle = min(max(angle, m.command.steer_angle - most), m.command.steer_angle + most)
+    angle = min(max(angle, -limit), limit)
     m.command.time, m.command.steer_angle = plan.time, angle
     m.command.target_speed, m.command.status, m.commanded = plan.target_speed, plan.status, True
     if m.on_the_way > 0:

@@ -146,7 +146,7 @@ in `ACTIVE_SET`, `place` where that number is here (-1 if left out); `edges` end
 
 WORK = np.dtype(
     [
-        ("station", F), ("x0", F, (STATES,)), ("roll", F, (2,)), ("rolled", F, (2,)),
+        ("station", F), ("time", F), ("x0", F, (STATES,)), ("roll", F, (2,)), ("rolled", F, (2,)),
         ("before", F, (NODES + 1, STATES)), ("before_roll", F, (NODES + 1, 2)), ("age", F),
         ("speed", F, (NODES,)), ("turn_rate", F, (NODES,)), ("path", F, (NODES,)), ("heading", F, (NODES,)),
         ("firmness", F, (NODES,)), ("bounds", F, (4, NODES)), ("heeded", F, (4, NODES)), ("stations", F, (NODES,)),

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from sidestep.controller.config import ControllerConfig
 from sidestep.controller.memory import empty, restored, saved
 from sidestep.controller.mpc.piqp_solver import PiqpSolver, Problem
+from sidestep.controller.mpc.status import UNCONSTRAINED
 from sidestep.controller.paper import PaperMpc
 from sidestep.controller.plan import Plan
 from sidestep.controller.records import STATE, WORK, record
@@ -54,6 +55,7 @@ class SteeringController:
         """Compiled code is loaded at its first call: here, off the road, where all bounds act, not on the way."""
         self.reset()
         x, y = self.path.to_cartesian(0.0, self.config.width_left)
+        self.path.project(x, y, 0.0)  # whoever drives beside the controller asks for this, too
         yaw = self.path.heading(0.0) + 0.3
         for k in range(2):  # only the second has something to learn from
             SteeringController.step(self, VehicleState(k * self.config.period, x, y, yaw, v_x=10.0))
@@ -91,7 +93,7 @@ class SteeringController:
     @property
     def problem(self) -> Problem | None:
         """QP of the last step, for solver comparisons; the next one overwrites its arrays."""
-        if isinstance(self._solver, PiqpSolver):
+        if isinstance(self._solver, PiqpSolver) and self.work["solver_status"][0] == UNCONSTRAINED:
             return self._solver.choose_rows(self.work, self._last_moves())
         return self._solver.problem
 

@@ -26,11 +26,20 @@ ANSWERED, SOLVED, BOUNDED = range(3)
 """What the first half leaves: an answer, the optimum, or a QP to be solved."""
 
 
+FARTHEST, LATEST = 1e8, 1e12
+"""Coordinates [m] and times [s] beyond these are no measurement; UTM's end at 1e7 m."""
+FASTEST, BACKWARDS = 150.0, -10.0
+"""Speeds [m/s] beyond these are none of a car; a car that rolls back at a start is one."""
+MOST_TURNS, FASTEST_TURN = 1e6, 20.0
+"""Heading [rad], which counts on over turns, and yaw rate [rad/s] likewise."""
+
+
 @kernel
 def usable(m, state):
-    """Whether a state is finite and newer than the last one."""
-    total = state.time + state.x + state.y + state.yaw + state.v_x + state.v_y + state.yaw_rate + state.steer_angle
-    return math.isfinite(total) and state.time > m.heard
+    """Whether a state is newer than the last one and may be a car's; what is no number never is."""
+    placed = abs(state.x) < FARTHEST and abs(state.y) < FARTHEST and abs(state.yaw) < MOST_TURNS
+    moves = BACKWARDS < state.v_x < FASTEST and abs(state.v_y) < FASTEST and abs(state.yaw_rate) < FASTEST_TURN
+    return placed and moves and abs(state.steer_angle) < math.pi and m.heard < state.time < LATEST
 
 
 @kernel

@@ -7,7 +7,7 @@ import numpy as np
 from sidestep.controller.decision.corridor import footprint_bounds, obstacle_polygons, path_reference
 from sidestep.controller.decision.lattice import LATERAL_STEP, LAYERS, arrival_times, layer_spacing
 from sidestep.controller.decision.planner import FREE, plan_path
-from sidestep.controller.mpc.prediction import sampled
+from sidestep.controller.mpc.prediction import along_road, sampled
 from sidestep.controller.records import OBSTACLES
 from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.road.clothoid import curvature_at
@@ -158,13 +158,25 @@ def _firmness(stations, settled, pace, gentle):
 
 
 @kernel
-def _stations_ahead(pace, steps, direction):
-    """Stations of the nodes from the car on, in [m]: a car that goes across the road gets less far along it."""
-    stations, station, before = np.empty(steps.shape[0]), 0.0, direction[0]
-    for k in range(steps.shape[0]):
-        station += pace * steps[k] * max(math.cos(0.5 * (before + direction[k])), 0.0)
-        stations[k], before = station, direction[k]
-    return stations
+def _drive_ahead(pace, w, grid, road, offset, direction):
+    """Stations of the nodes from the car on, the road's curvature there and its heading rate on the way there.
+
+    A car that goes across the road gets less far along it, and one on the inside of a bend farther: (1) as it is.
+    """
+    n, station, before = grid.nodes, 0.0, w.x0[1] + w.x0[2]
+    stations, curvature, turn_rate = np.empty(n), np.empty(n), np.empty(n)
+    for k in range(n):
+        half = 0.5 * pace * grid.steps[k]
+        bend = curvature_at(road[0], road[1], w.station + station + half)
+        progress = along_road(pace, bend, offset[k], 0.5 * (before + direction[k]))
+        if grid.literal:
+            progress = pace
+        station += progress * grid.steps[k]
+        stations[k], before, turn_rate[k] = station, direction[k], progress * bend
+        curvature[k] = curvature_at(road[0], road[1], w.station + station)
+        if grid.literal:  # v kappa at the node, as printed
+            turn_rate[k] = pace * curvature[k]
+    return stations, curvature, turn_rate
 
 
 @kernel
@@ -229,7 +241,7 @@ def decide(m, w, c, road, boxes, state, plan):
     s, speed, p, grid = w.station, state.v_x, c.planner, c.grid
     table, period, n = road[0], road[1], grid.nodes
     gentle = m.last < 0 or m.plans[m.last].feasible
-    near, boxes = _in_view(s, speed, m.cruise, state.time, boxes, period, p)
+    near, boxes = _in_view(s, speed, m.cruise, w.time, boxes, period, p)
     bend = np.empty(boxes.shape[0])
     for i in range(boxes.shape[0]):
         bend[i] = curvature_at(table, period, s + boxes[i, 0])
@@ -241,14 +253,13 @@ def decide(m, w, c, road, boxes, state, plan):
         sides[sides * committed < 0] = 0
 
     pace = max(speed, 0.0)
-    direction, turn, curvature = np.empty(n), np.empty(n), np.empty(n)
+    direction, turn, offset = np.empty(n), np.empty(n), np.empty(n)
     for k in range(n):
         later = grid.times[k] + w.age
+        offset[k] = sampled(w.before, 0, later, grid)
         direction[k] = sampled(w.before, 1, later, grid) + sampled(w.before, 2, later, grid)
         turn[k] = sampled(w.before, 3, later, grid) / max(speed, 1.0)
-    stations = pace * grid.times[:n] if grid.literal else _stations_ahead(pace, grid.steps[:n], direction)
-    for k in range(n):
-        curvature[k] = curvature_at(table, period, s + stations[k])
+    stations, curvature, turn_rate = _drive_ahead(pace, w, grid, road, offset, direction)
     offsets, slope = path_reference(path.stations, path.offsets, stations, max(1.0, SLOPE_TIME * pace))
     edges, coming = (p.right_edge, p.left_edge), _coming(polygons, speeds, p)
     way = stations, pace, direction, turn, curvature, polygons, speeds
@@ -269,7 +280,7 @@ def decide(m, w, c, road, boxes, state, plan):
     firmness = _firmness(stations, path.settled, pace, gentle and not blocked)
     for k in range(n):
         w.speed[k], w.stations[k], w.path[k], w.heading[k] = speed, stations[k], offsets[k], slope[k]
-        w.firmness[k], w.turn_rate[k] = firmness[k], pace * curvature[k]
+        w.firmness[k], w.turn_rate[k] = firmness[k], turn_rate[k]
         for i in range(4):
             w.bounds[i, k], w.heeded[i, k] = bounds[i, k], heeded[i, k]
     for g in range(grid.groups):

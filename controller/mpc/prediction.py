@@ -19,6 +19,8 @@ SLOWEST = 1.0
 """Speed below which the model keeps the dynamics of this speed, in [m/s]: Eq. (5) divides by v."""
 SIMULATION_STEP = 5e-3
 """Step of the nonlinear forward simulation, in [s]."""
+LEAST_RADIUS = 0.2
+"""Least distance from the centre of the road's bend, as a share of its radius, that progress is counted with."""
 MOST_STEPS = 10_000
 """Bound on the steps of one command."""
 
@@ -50,6 +52,19 @@ def model_block(speed, slope_f, slope_r, car, a):
     a[5, RATE] = 1.0
     if car.relaxation > 0.0:
         _relax(a, v, slope_f, slope_r, car)
+
+
+@kernel
+def along_road(speed, curvature, offset, direction):
+    """Speed along the reference of a car beside it, Eq. (1) with its denominator: v cos / (1 - kappa l), in [m/s].
+
+    Args:
+        speed: v, in [m/s].
+        curvature: Of the road there, in [1/m].
+        offset: l, in [m].
+        direction: Of the car's way against the road, e + beta, in [rad].
+    """
+    return speed * max(math.cos(direction), 0.0) / max(1.0 - curvature * offset, LEAST_RADIUS)
 
 
 @kernel
@@ -96,25 +111,42 @@ def linearise(w, c):
             slip angles, in [rad].
         c: Settings.
     """
-    car, grid, lines = c.car, c.grid, w.forces
-    least_f, least_r = least_slope(car.stiffness_f, car.load_f, car), least_slope(car.stiffness_r, car.load_r, car)
+    grid, least = c.grid, least_slopes(c.car)
     for g in range(grid.groups):
         i, part = _place(grid, grid.force_times[g] + w.age)
-        beta, gamma, delta = (
-            _between(w.before, i, part, 2),
-            _between(w.before, i, part, 3),
-            _between(w.before, i, part, 4),
-        )
-        angle, rate = _between(w.before_roll, i, part, 0), _between(w.before_roll, i, part, 1)
-        aside, moved_f, moved_r = felt(angle, rate, car.body)
-        v = max(w.group_speed[g], SLOWEST)
-        aside /= v
-        front, rear = slip_angles(beta + aside, gamma, delta, v, car)
-        slope_f, force_f = tangent(front, least_f, car.stiffness_f, car.load_f, car, moved_f)
-        slope_r, force_r = tangent(rear, least_r, car.stiffness_r, car.load_r, car, moved_r)
-        lines[g, 0], lines[g, 1] = slope_f, force_f - slope_f * aside + w.disturbance[0]
-        lines[g, 2], lines[g, 3] = slope_r, force_r - slope_r * aside + w.disturbance[1]
-        lines[g, 4] = aside
+        motion = _between(w.before, i, part, 2), _between(w.before, i, part, 3), _between(w.before, i, part, 4)
+        rolled = _between(w.before_roll, i, part, 0), _between(w.before_roll, i, part, 1)
+        touch(motion, rolled, w.group_speed[g], least, c.car, w.forces[g])
+        w.forces[g, 1] += w.disturbance[0]
+        w.forces[g, 3] += w.disturbance[1]
+
+
+@kernel
+def least_slopes(car):
+    """Slopes that tangents of the front and the rear axle have at least, in [N/rad]."""
+    return least_slope(car.stiffness_f, car.load_f, car), least_slope(car.stiffness_r, car.load_r, car)
+
+
+@kernel
+def touch(motion, rolled, speed, least, car, line):
+    """Axle forces as lines that touch them at a motion of the car.
+
+    Args:
+        motion: beta, gamma and delta, in [rad] and [rad/s].
+        rolled: Roll angle and rate, in [rad] and [rad/s].
+        speed: v, in [m/s].
+        least: See `least_slopes`.
+        car: Car.
+        line: Filled, shape (5,): see `linearise`.
+    """
+    aside, moved_f, moved_r = felt(rolled[0], rolled[1], car.body)
+    v = max(speed, SLOWEST)
+    aside /= v
+    front, rear = slip_angles(motion[0] + aside, motion[1], motion[2], v, car)
+    slope_f, force_f = tangent(front, least[0], car.stiffness_f, car.load_f, car, moved_f)
+    slope_r, force_r = tangent(rear, least[1], car.stiffness_r, car.load_r, car, moved_r)
+    line[0], line[1] = slope_f, force_f - slope_f * aside
+    line[2], line[3], line[4] = slope_r, force_r - slope_r * aside, aside
 
 
 @kernel

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from sidestep.controller.mpc.prediction import advance
+from sidestep.controller.mpc.prediction import advance, along_road
 from sidestep.controller.mpc.roll import advance_roll, lateral_acceleration
 from sidestep.controller.perception.observer import observe_disturbance
 from sidestep.controller.records import STATES
@@ -21,7 +21,7 @@ def locate(m, w, c, road, state):
 
     Args:
         m: Memory; learns from how the last step really went.
-        w: Work space; `station`, `x0`, `roll` and `disturbance` are filled.
+        w: Work space; `station`, `time`, `x0`, `roll` and `disturbance` are filled.
         c: Settings.
         road: Table and period of the ReferencePath.
         state: Record of `STATE`.
@@ -39,11 +39,13 @@ def locate(m, w, c, road, state):
     w.disturbance[0], w.disturbance[1] = m.disturbance.share * car.load_f, m.disturbance.share * car.load_r
     x[4] += m.disturbance.sensor
     x[5] = _within(x[5] + offset, car.steer_limit)
-    w.roll[0], w.roll[1], w.station = m.roll[0], m.roll[1], s
+    w.roll[0], w.roll[1], w.station, w.time = m.roll[0], m.roll[1], s, state.time
     if m.on_the_way == 1:
         return
-    w.station = s + v * c.period * (m.on_the_way - 1)
-    turn_rate = v * curvature_at(road[0], road[1], w.station)
+    w.time = state.time + c.period * (m.on_the_way - 1)
+    progress = along_road(v, curvature_at(road[0], road[1], s), x[0], x[1] + x[2])
+    w.station = s + progress * c.period * (m.on_the_way - 1)
+    turn_rate = progress * curvature_at(road[0], road[1], w.station)
     for i in range(1, m.on_the_way):
         command = _within(m.sent[i] + offset, car.steer_limit)
         advance(x, w.roll, (v, turn_rate), w.disturbance, command, c.period, car, w.runge_kutta)

@@ -28,7 +28,7 @@ FAR = 1e30
 
 
 class Problem(NamedTuple):
-    """One QP with n moves H, g; lines G, lower, upper; slacks of a price and a curvature that soften lines before ends."""
+    """One QP with n moves: cost H, g; lines G from lower to upper; slacks that soften lines before `ends`."""
 
     H: np.ndarray
     g: np.ndarray

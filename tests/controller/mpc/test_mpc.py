@@ -210,8 +210,8 @@ def test_closed_loop_problems_against_the_exact_solver():
     road, qp = ReferencePath.from_segments([Line(150.0)]), Qp(0)
     controller, worst = SteeringController(BMW, road, DOUBLE, CONFIG), 0.0
     qp.work, qp.w, qp.settings, qp.c = (
-        controller._work,
-        controller._work[0],
+        controller.work,
+        controller.work[0],
         controller.settings,
         controller.settings[0],
     )
