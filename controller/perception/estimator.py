@@ -69,6 +69,8 @@ class EstimatorConfig:
             acceleration.
         position_walk, yaw_walk, v_x_walk, v_y_walk, yaw_rate_walk, steer_walk: What the model does not know of the
             motion: standard deviation of the random walk that each state does in a second.
+        force_doubt: What the tyre law does not know of an axle's force, as a share of it: standard deviation of the random
+            walk of the momentum it gives in a second.
         free_steer_walk: That of the steering angle where no command is known.
         bias_walk, offset_walk, share_walk: That of the yaw-rate bias, of both steering offsets, of the lateral force.
         start_v_y, start_bias, start_offset, start_share: Standard deviations before anything is known.
@@ -97,6 +99,7 @@ class EstimatorConfig:
     yaw_rate_walk: Annotated[float, Range(0.0, 1e2, "rad/s/√s")] = 0.02
     steer_walk: Annotated[float, Range(0.0, 10.0, "rad/√s")] = 0.002
     free_steer_walk: Annotated[float, Range(0.0, 10.0, "rad/√s")] = 0.1
+    force_doubt: Annotated[float, Range(0.0, 1.0, "√s")] = 0.05
     bias_walk: Annotated[float, Range(0.0, 1.0, "rad/s/√s")] = 1e-4
     offset_walk: Annotated[float, Range(0.0, 1.0, "rad/√s")] = 1e-4
     share_walk: Annotated[float, Range(0.0, 1.0, "1/√s")] = 0.002
@@ -129,7 +132,7 @@ def estimator_settings(car: Car, c: EstimatorConfig) -> NDArray[np.void]:
                  c.bias_walk, c.offset_walk, c.offset_walk, c.share_walk],
         "start": [1e3, 1e3, math.pi, 50.0, c.start_v_y, 1.0, 0.5, c.start_bias, c.start_offset, c.start_offset,
                   c.start_share],
-        "free_steer": c.free_steer_walk, "kinematic": (c.rolling_v_y, c.rolling_yaw_rate),
+        "free_steer": c.free_steer_walk, "doubt": c.force_doubt, "kinematic": (c.rolling_v_y, c.rolling_yaw_rate),
         "gate": (NormalDist().inv_cdf(0.5 + 0.5 * c.gate) ** 2, -2.0 * math.log(1.0 - c.gate)),
         "patience": c.patience, "reach": c.reach, "lever": c.lever, "steer_limit": car.steer_limit,
         "least": (least_slope(car.stiffness_f, car.load_f, car), least_slope(car.stiffness_r, car.load_r, car)),

@@ -62,6 +62,7 @@ def balance(now, x, steer, steer_rate, car, c, w):
     aside_f, aside_r = (x[V_Y] + l_f * x[YAW_RATE]) / v, (x[V_Y] - l_r * x[YAW_RATE]) / v
     force_f = now.tangents[1] + slope_f * (steer - now.lag * steer_rate - aside_f)
     force_r = now.tangents[3] - slope_r * aside_r
+    w.axle[0], w.axle[1] = force_f, force_r
     total, moment = (slope_f + slope_r) / v, (l_f * slope_f - l_r * slope_r) / v
     turning = (l_f * l_f * slope_f + l_r * l_r * slope_r) / v
     w.mass[0, 0], w.mass[1, 1] = car.mass - now.lag * total, car.yaw_inertia - now.lag * turning
@@ -131,6 +132,14 @@ def _slide(now, x, h, car, c, w):
     fresh = 0.5 - lag / h
     for k in (ACTUATOR, SENSOR):
         side[k], turn[k] = by_side_0 * fresh * steer[k], by_side_1 * fresh * steer[k]
+
+
+@bare_kernel
+def _doubt(h, car, c, w):
+    """No tyre is the law's: the more force it gives, the less is known of it."""
+    front, rear = c.doubt * w.axle[0], c.doubt * w.axle[1]
+    w.noise[V_Y] += (front**2 + rear**2) / car.mass**2 * h
+    w.noise[YAW_RATE] += ((car.l_f * front) ** 2 + (car.l_r * rear) ** 2) / car.yaw_inertia**2 * h
 
 
 @bare_kernel
@@ -212,6 +221,7 @@ def _step(now, command, acceleration, h, car, c, w):
         now.x[V_X] = x[V_X] + h * acceleration
     now.steer_rate = _steer(x, now.x, command, h, car, c, w)
     _slide(now, x, h, car, c, w)
+    _doubt(h, car, c, w)
     share, more = sliding(now.x[V_X], c)
     if share < 1.0:
         _roll(now.x, share, more, car, c, w)

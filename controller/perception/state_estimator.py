@@ -54,14 +54,14 @@ measured, their normalised square and its degrees of freedom."""
 
 ESTIMATOR = np.dtype(
     [
-        ("noise", F, (SIGNALS,)), ("walk", F, (STATES,)), ("free_steer", F), ("kinematic", F, (2,)),
+        ("noise", F, (SIGNALS,)), ("walk", F, (STATES,)), ("free_steer", F), ("doubt", F), ("kinematic", F, (2,)),
         ("start", F, (STATES,)), ("gate", F, (2,)), ("patience", N), ("reach", F),
         ("least", F, (2,)), ("stiffness", F, (2,)), ("lever", F), ("steer_limit", F), ("blend", F, (2,)),
     ],
     align=True,
 )  # fmt: skip
 """Settings that hold for a drive: standard deviation of each signal; of each state's random walk in a second, and of
-the steering angle's where no command is known; of v_y [m/s] and yaw rate [rad/s] about the rolling car's at low speed;
+the steering angle's where no command is known; of an axle force in a second, as a share of itself [sqrt(s)]; of v_y [m/s] and yaw rate [rad/s] about the rolling car's at low speed;
 of each state at the start; chi-square gates of one and two degrees; misfits in a row after which a sensor is believed;
 lateness that is still used [s]; least slopes of the axle forces [N/rad]; slope of front and rear axle force over that
 of its tyres; accelerometer ahead of the reference point [m]; speeds between which the rolling car becomes the sliding
@@ -69,13 +69,19 @@ one [m/s]."""
 
 FILTER = np.dtype(
     [
+<<<<<<< HEAD
         ("transition", F, (STATES, STATES)), ("product", F, (STATES, STATES)), ("x", F, (STATES,)),
         ("noise", F, (STATES,)), ("row", F, (STATES,)), ("gain", F, (STATES,)), ("column", F, (STATES,)),
         ("mass", F, (2, 2)), ("jacobian", F, (2, 2)), ("force", F, (2,)),
+=======
+        ("transition", F, (STATES, STATES)), ("product", F, (STATES, STATES)), ("x", F, (STATES,)), ("noise", F, (STATES,)), ("row", F, (STATES,)), ("gain", F, (STATES,)), ("column", F, (STATES,)),
+        ("mass", F, (2, 2)), ("jacobian", F, (2, 2)), ("force", F, (2,)), ("axle", F, (2,)),
+>>>>>>> estimator
         ("by_steer", F, (2,)), ("by_speed", F, (2,)),
     ],
     align=True,
 )  # fmt: skip
 """Work space, nothing in it lasts: transition of the states, its product with P, state before, noise added; row of a
 measurement, its gain and P times the row; mass times change of (v_y, yaw rate) = force, and its
-derivatives by these two, steering angle and v_x."""
+derivatives by these two, steering angle and v_x; axle forces
+[N]."""

@@ -170,7 +170,7 @@ def measurement(time, shows, pose):
 @pytest.mark.closed_loop
 def test_normalised_innovations_are_chi_square_over_100_seeds():
     """At each time the mean over the seeds is in its own 95 % band, but for some 5 % of the times."""
-    count, seeds, filtered = 200, 100, StateEstimator(BMW, EstimatorConfig(start_v_y=0.1))
+    count, seeds, filtered = 200, 100, StateEstimator(BMW, EstimatorConfig(start_v_y=0.1, force_doubt=0.0))
     squares, degrees, errors = np.zeros(count), np.zeros(count), []
     for seed in range(seeds):
         filtered.reset()
@@ -332,3 +332,15 @@ def test_impossible_settings_name_their_key():
         EstimatorConfig(yaw_noise=0.0)
     with pytest.raises(InputError, match=r"estimator\.sliding"):
         EstimatorConfig(rolling=4.0)
+
+
+def test_tyres_at_work_are_doubted():
+    grown = []
+    for doubt in (0.0, 0.1):
+        estimator, x = StateEstimator(BMW, EstimatorConfig(force_doubt=doubt)), state_at(15.0)
+        after = predicted(estimator, x, math.nan)
+        forces, noise = estimator._work["axle"][0], after["P"][0]
+        grown.append(np.array([noise[layout.V_Y, layout.V_Y], noise[layout.YAW_RATE, layout.YAW_RATE]]))
+    levers = np.array([[1.0 / BMW.mass] * 2, [BMW.l_f / BMW.yaw_inertia, BMW.l_r / BMW.yaw_inertia]])
+    assert np.abs(forces).min() > 100.0
+    np.testing.assert_allclose(grown[1] - grown[0], np.square(0.1 * levers * forces).sum(axis=1) * PERIOD, rtol=1e-6)
