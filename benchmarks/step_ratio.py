@@ -26,7 +26,7 @@ ROUNDS = 9
 
 def scenario_of(case: str, solver: str, old: bool):
     if old:
-        from sidestep.validation.scenario import load_scenario
+        load_scenario = importlib.import_module("sidestep.validation.scenario").load_scenario
     else:
         from sidestep.validation.scenarios.scenario import load_scenario
     name, overrides = CASES[case]
