@@ -246,11 +246,13 @@ def run_controller(
     if node.heard is None and not interrupted:
         raise InputError("can", f"no vehicle answers within {PATIENCE:g} s", "sidestep can plant on the same bus")
     lost = sum(channel.receiver.lost for channel in node.listener.channels.values())
-    found = () if interrupted else for_the_judge(state_findings(node.record(link.strangers)))
+    bus_figures = link.statistics(node.heard or 0.0)
+    record = node.record(link.strangers, 1e-3 * bus_figures["lateness_ms"]["max"])
+    found = () if interrupted else for_the_judge(state_findings(record))
     worst = next((each for each in found if each.verdict is not Verdict.PASS), None)
     figures = {"lost": lost, "stale_cycles": node.stale_cycles, "processor_share": share, "interrupted": interrupted}
     return {
-        **link.statistics(node.heard or 0.0), **figures,
+        **bus_figures, **figures,
         "verdict": worst.verdict.value if worst else "inconclusive" if interrupted else "pass",
         "label": worst.label if worst else "interrupted" if interrupted else "ok",
         "findings": [{"label": f.label, "verdict": f.verdict.value, "text": f.text} for f in found],

@@ -107,7 +107,8 @@ def _shared_bus(options: argparse.Namespace, everything: bool = False) -> "Bus":
     _require_shared(options)
     spec = resolve_spec(options.can, several_processes=True)
     fd = everything or any(message.is_fd for message in described(options).messages.values())
-    return Bus(spec, fd=fd, allow_real_bus=options.allow_real_bus, everything=everything)
+    listens = everything  # the monitor, which sends nothing
+    return Bus(spec, fd=fd, allow_real_bus=options.allow_real_bus or listens, everything=everything)
 
 
 def _require_shared(options: argparse.Namespace) -> None:

@@ -2,6 +2,7 @@
 
 import math
 import tomllib
+from functools import cache
 
 import cantools.database
 import pytest
@@ -151,12 +152,16 @@ def test_what_comes_back(bus):
         assert decoded(described, message, data)["Fault"] == (state is ActuatorState.FAULT)
 
 
+@cache
+def shipped(name):
+    return mapped_bus(name, wheelbase=2.8)
+
+
 @pytest.mark.parametrize("name", [name for name in built_in_maps() if tomllib.loads(
     (MAPS / f"{name}.toml").read_text()).get("dbc")])  # fmt: skip
 @given(angle=st.floats(-0.05, 0.05), counter=st.integers(0, 100), enable=st.booleans())
 def test_shipped_maps_are_within_half_a_step(name, angle, counter, enable):
-    described = mapped_bus(name, wheelbase=2.8)
-    message = described.messages["STEER_CMD"]
+    message = shipped(name).messages["STEER_CMD"]
     data = encode_steer_command(SteeringCommand(0.0, angle, 15.0), counter, enable, 0.5, message)
     number = message.numbers[0]
     step = abs(number.signal.scale / number.ratio) * (2.8 * 1.01 if name == "ford" else 1.0)
