@@ -1,6 +1,7 @@
 """FMUs by somebody else: driven by a mapping file alone, estimated, isolated, checked."""
 
 import math
+from dataclasses import astuple
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from sidestep.fmu.importing.estimation import Estimator
 from sidestep.fmu.importing.mapping import OUTPUTS, Mapping
 from sidestep.fmu.importing.plant import FmuPlant
 from sidestep.fmu.native.build import build_fmu
+from sidestep.fmu.native.plants import find_model, model_values
 from sidestep.fmu.native.platforms import compile_library
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.linear.plant import LinearPlant
