@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Mutation testing: changes one token of a room's files at a time and looks whether the room's quick tests notice.
 
-    tools/mutate.py list                                         the mutants of tools/mutants.toml: all have to die
-    tools/mutate.py ROOM [--sample 40] [--seed 0] [--minutes 10] a sample of what can be changed in ROOM
-    tools/mutate.py rooms                                        the rooms, and how many mutants each has
+    tools/mutate.py list [--only PATH]                              those of tools/mutants.toml: all have to die
+    tools/mutate.py ROOM [--sample 40] [--seed 0] [--minutes 10]    a sample of what can be changed in ROOM
+    tools/mutate.py rooms                                           the rooms, and how many mutants each has
 
 ROOM is a folder of tools/mutants.toml or one above some of them. Everything happens in a copy of the tree, with the
 kernels as plain Python (a mutant starts at once) and a time-out. Sample and order hang on the seed alone, so that a
@@ -220,10 +220,10 @@ def try_room(bench: Bench, name: str, room: dict, count: int, seed: int, until: 
     return True
 
 
-def try_list(bench: Bench, table: dict) -> bool:
-    """Try the listed mutants, each with its own test; whether all die, and all tests pass without them."""
-    alive = 0
-    for entry in table["mutants"]:
+def try_list(bench: Bench, table: dict, only: str) -> bool:
+    """Try the listed mutants of the files so named, each with its own test; whether all die, and only they."""
+    chosen, alive = [entry for entry in table["mutants"] if only in entry["file"]], 0
+    for entry in chosen:
         text = (ROOT / entry["file"]).read_text(encoding="utf-8")
         if text.count(entry["before"]) != 1:
             result = f"stands {text.count(entry['before'])} times in the file instead of once"
@@ -234,8 +234,8 @@ def try_list(bench: Bench, table: dict) -> bool:
                                  [entry["test"]])  # fmt: skip
         alive += result != KILLED
         print(f"{result:8} {entry['name']}: {entry['file']}, {entry['test'].split('::')[-1]}", flush=True)
-    print(f"{len(table['mutants']) - alive} of {len(table['mutants'])} listed mutants killed")
-    return alive == 0
+    print(f"{len(chosen) - alive} of {len(chosen)} listed mutants killed")
+    return alive == 0 and bool(chosen)
 
 
 def main() -> int:
@@ -246,6 +246,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0, help="of the sample (0)")
     parser.add_argument("--minutes", type=float, default=10.0, help="after which no mutant is begun, per room (10)")
     parser.add_argument("--limit", type=float, default=180.0, help="on one run of the tests, in s (180)")
+    parser.add_argument("--only", default="", help="of the list: mutants of files that have this in their path")
     options = parser.parse_args()
     table = read_table()
     chosen = {name: room for name, room in table["rooms"].items() if f"{name}/".startswith(f"{options.room}/")}
@@ -258,7 +259,7 @@ def main() -> int:
         return 2
     with Bench(options.limit) as bench:
         if options.room == "list":
-            return not try_list(bench, table)
+            return not try_list(bench, table, options.only)
         done = [try_room(bench, name, room, options.sample, options.seed, time.monotonic() + 60.0 * options.minutes)
                 for name, room in chosen.items()]  # fmt: skip
     return not all(done)
