@@ -1,6 +1,7 @@
 """The filter's last half second: every record in order of time, so that what comes late is put where it belongs."""
 
 import math
+from typing import Any
 
 from sidestep.controller.perception.filter_motion import predict
 from sidestep.controller.perception.filter_update import update, update_again
@@ -9,13 +10,13 @@ from sidestep.plant_models.kernels import bare_kernel
 
 
 @bare_kernel
-def slot(e, i):
+def slot(e: Any, i: Any) -> Any:
     """Slot number `i` in order of time, 0 for the oldest."""
     return e.slots[(e.first + i + SLOTS) % SLOTS]
 
 
 @bare_kernel
-def newest(e):
+def newest(e: Any) -> Any:
     """The slot of the newest record; only once there is one."""
     return slot(e, e.count - 1)
 
@@ -43,7 +44,7 @@ def _begin(now, c):
 
 
 @bare_kernel
-def place_of(e, time):
+def place_of(e: Any, time: Any) -> Any:
     """How many slots are not newer than `time`."""
     i = e.count
     while i > 0 and slot(e, i - 1).time > time:
@@ -91,7 +92,7 @@ def _insert(e, time, measured, first, last, car, c, w):
 
 
 @bare_kernel
-def take(e, measured, car, c, w):
+def take(e: Any, measured: Any, car: Any, c: Any, w: Any) -> None:
     """Take what sensors say, now or late, and bring the newest slot up to date.
 
     Args:
@@ -110,7 +111,7 @@ def take(e, measured, car, c, w):
 
 
 @bare_kernel
-def tell(estimates, command, acceleration):
+def tell(estimates: Any, command: Any, acceleration: Any) -> None:
     """Road-wheel angle commanded [rad] and change of v_x expected [m/s^2] from the newest slot on; NaN: unknown."""
     e = estimates[0]
     if e.count > 0:
@@ -119,14 +120,14 @@ def tell(estimates, command, acceleration):
 
 
 @bare_kernel
-def step(estimates, settings, cars, measured, work, out):
+def step(estimates: Any, settings: Any, cars: Any, measured: Any, work: Any, out: Any) -> None:
     """`take` of records of shape (1,), and what is known then; `out` as of `look`."""
     take(estimates[0], measured[0], cars[0], settings[0], work[0])
     look(estimates, out)
 
 
 @bare_kernel
-def look(estimates, out):
+def look(estimates: Any, out: Any) -> None:
     """Time and states of the newest slot into `out`, shape (12,); zeros if there is none."""
     e = estimates[0]
     now = newest(e)

@@ -6,11 +6,23 @@ stable at every speed. Below walking pace slip says nothing: the car then rolls 
 """
 
 import math
+from typing import Any
 
 from sidestep.controller.mpc.car_model import tangent
 from sidestep.controller.mpc.prediction import tyre_lag
 from sidestep.controller.perception.state_estimator import (
-    ACTUATOR, BIAS, SENSOR, SHARE, STATES, STEER, V_X, V_Y, X, Y, YAW, YAW_RATE,
+    ACTUATOR,
+    BIAS,
+    SENSOR,
+    SHARE,
+    STATES,
+    STEER,
+    V_X,
+    V_Y,
+    YAW,
+    YAW_RATE,
+    X,
+    Y,
 )  # fmt: skip
 from sidestep.plant_models.kernels import bare_kernel
 from sidestep.plant_models.linear.plant import steered
@@ -23,7 +35,7 @@ MOST_STEPS = 50
 
 
 @bare_kernel
-def touch(now, car, c):
+def touch(now: Any, car: Any, c: Any) -> None:
     """Tangents of both axle forces, and the tyres' lag, at the state of a slot."""
     x = now.x
     v = max(x[V_X], c.blend[0])
@@ -37,7 +49,7 @@ def touch(now, car, c):
 
 
 @bare_kernel
-def balance(now, x, steer, steer_rate, car, c, w):
+def balance(now: Any, x: Any, steer: Any, steer_rate: Any, car: Any, c: Any, w: Any) -> None:
     """Fill mass, force and its derivatives of M (v_y', yaw acceleration) = f.
 
     Args:
@@ -68,7 +80,7 @@ def balance(now, x, steer, steer_rate, car, c, w):
 
 
 @bare_kernel
-def sliding(v_x, c):
+def sliding(v_x: Any, c: Any) -> Any:
     """How far the sliding car counts, from 0 (it rolls) to 1, and its change with speed, in [s/m]."""
     share = min(max((v_x - c.blend[0]) / (c.blend[1] - c.blend[0]), 0.0), 1.0)
     return share * share * (3.0 - 2.0 * share), 6.0 * share * (1.0 - share) / (c.blend[1] - c.blend[0])
@@ -219,7 +231,7 @@ def _step(now, command, acceleration, h, car, c, w):
 
 
 @bare_kernel
-def predict(before, after, car, c, w):
+def predict(before: Any, after: Any, car: Any, c: Any, w: Any) -> None:
     """Go from one slot to the time of the next.
 
     Args:

@@ -1,10 +1,23 @@
 """The filter's update: one signal after another, each behind a gate, in Joseph's form."""
 
 import math
+from typing import Any
 
 from sidestep.controller.perception.filter_motion import balance, sliding, touch
 from sidestep.controller.perception.state_estimator import (
-    BIAS, LATERAL, SENSOR, SHARE, SIGNALS, STATES, STEER, V_X, V_Y, X, Y, YAW, YAW_RATE,
+    BIAS,
+    LATERAL,
+    SENSOR,
+    SHARE,
+    SIGNALS,
+    STATES,
+    STEER,
+    V_X,
+    V_Y,
+    YAW,
+    YAW_RATE,
+    X,
+    Y,
 )  # fmt: skip
 from sidestep.plant_models.kernels import bare_kernel
 from sidestep.plant_models.vehicle.parameters import GRAVITY
@@ -14,7 +27,7 @@ NONE, USED, REJECTED, FORCED = range(4)
 
 
 @bare_kernel
-def expect(now, signal, car, c, w):
+def expect(now: Any, signal: Any, car: Any, c: Any, w: Any) -> Any:
     """What a signal should show at the state of a slot; its row is filled."""
     x, row = now.x, w.row
     for i in range(STATES):
@@ -73,7 +86,7 @@ def _spread(P, w):
 
 @bare_kernel
 def _correct(now, innovation, spread, variance, w):
-    """x += K innovation, P = (1 - K row) P (1 - K row)' + K variance K'."""
+    """X += K innovation, P = (1 - K row) P (1 - K row)' + K variance K'."""
     P, gain, column = now.P, w.gain, w.column
     for i in range(STATES):
         gain[i] = column[i] / (spread + variance)
@@ -97,7 +110,7 @@ def _forget(now, signal, c):
 
 
 @bare_kernel
-def use(now, signal, car, c, w):
+def use(now: Any, signal: Any, car: Any, c: Any, w: Any) -> None:
     """Correct a slot by one of its signals, as its verdict says."""
     if now.verdict[signal] == FORCED:
         _forget(now, signal, c)
@@ -163,7 +176,7 @@ def _take_position(e, now, car, c, w):
 
 
 @bare_kernel
-def update(e, now, car, c, w):
+def update(e: Any, now: Any, car: Any, c: Any, w: Any) -> None:
     """Judge every signal of a slot and correct it by those that fit.
 
     Args:
@@ -188,7 +201,7 @@ def update(e, now, car, c, w):
 
 
 @bare_kernel
-def update_again(now, car, c, w):
+def update_again(now: Any, car: Any, c: Any, w: Any) -> None:
     """Correct a slot by the signals that were used before: what was decided stays."""
     for signal in range(SIGNALS):
         if signal == LATERAL:

@@ -23,7 +23,7 @@ SIGNAL_NAMES = (*NAMES[:LATERAL], "lateral_acceleration")
 SLOTS = 64
 """Room for the records of the last half second, vehicle signals and late poses together: 128 a second."""
 
-F, N, I = np.float64, np.int64, np.int8
+F, N, B = np.float64, np.int64, np.int8
 
 MEASUREMENT = np.dtype([("time", F), ("pose_time", F), ("z", F, (SIGNALS,))], align=True)
 """What sensors say, NaN where they say nothing: signals `z` at `time`, of which x, y and yaw are of `pose_time` if that
@@ -31,7 +31,7 @@ is not NaN."""
 
 SLOT = np.dtype(
     [
-        ("time", F), ("z", F, (SIGNALS,)), ("verdict", I, (SIGNALS,)), ("command", F), ("acceleration", F),
+        ("time", F), ("z", F, (SIGNALS,)), ("verdict", B, (SIGNALS,)), ("command", F), ("acceleration", F),
         ("steer_rate", F), ("tangents", F, (4,)), ("lag", F), ("x", F, (STATES,)), ("P", F, (STATES, STATES)),
     ],
     align=True,
@@ -61,14 +61,16 @@ ESTIMATOR = np.dtype(
     align=True,
 )  # fmt: skip
 """Settings that hold for a drive: standard deviation of each signal; of each state's random walk in a second, and of
-the steering angle's where no command is known; of an axle force in a second, as a share of itself [sqrt(s)]; of v_y [m/s] and yaw rate [rad/s] about the rolling car's at low speed;
-of each state at the start; chi-square gates of one and two degrees; misfits in a row after which a sensor is believed;
-lateness that is still used [s]; least slopes of the axle forces [N/rad]; slope of front and rear axle force over that of its tyres; accelerometer ahead of the reference point
-[m]; speeds between which the rolling car becomes the sliding one [m/s]."""
+the steering angle's where no command is known; of an axle force in a second, as a share of itself [sqrt(s)]; of v_y
+[m/s] and yaw rate [rad/s] about the rolling car's at low speed; of each state at the start; chi-square gates of one and
+two degrees; misfits in a row after which a sensor is believed; lateness that is still used [s]; least slopes of the
+axle forces [N/rad]; slope of front and rear axle force over that of its tyres; accelerometer ahead of the reference
+point [m]; speeds between which the rolling car becomes the sliding one [m/s]."""
 
 FILTER = np.dtype(
     [
-        ("transition", F, (STATES, STATES)), ("product", F, (STATES, STATES)), ("x", F, (STATES,)), ("noise", F, (STATES,)), ("row", F, (STATES,)), ("gain", F, (STATES,)), ("column", F, (STATES,)),
+        ("transition", F, (STATES, STATES)), ("product", F, (STATES, STATES)), ("x", F, (STATES,)),
+        ("noise", F, (STATES,)), ("row", F, (STATES,)), ("gain", F, (STATES,)), ("column", F, (STATES,)),
         ("mass", F, (2, 2)), ("jacobian", F, (2, 2)), ("force", F, (2,)), ("axle", F, (2,)),
         ("by_steer", F, (2,)), ("by_speed", F, (2,)),
     ],

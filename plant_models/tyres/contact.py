@@ -8,13 +8,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sidestep.plant_models.kernels import Record, kernel
+from sidestep.plant_models.kernels import Array, Record, kernel
 from sidestep.plant_models.tyres.formula import tyre_forces
 from sidestep.plant_models.tyres.parameters import TYRE
 
-Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 
 TYRE_MODES = ("magic-formula", "contact", "stock-contact")
@@ -182,19 +180,9 @@ def _contact_damping(i, slide_x, slide_y, rolling, camber, load, friction, car):
 
 @kernel
 def tyres(
-    dt: float,
-    car: Record,
-    state: Record,
-    sensors: Any,
-    xipos: Any,
-    xmat: Any,
-    qpos: Any,
-    qvel: Any,
-    qfrc: Any,
-    pairs: Any,
-    damping: Any,
-    patches: Any,
-) -> None:
+    dt: float, car: Record, state: Record, sensors: Array, xipos: Array, xmat: Array, qpos: Array, qvel: Array,
+    qfrc: Array, pairs: Array, damping: Array, patches: Array,
+) -> None:  # fmt: skip
     """Shear of the wheels from their contact patches: a wrench on the joints, or tuned contacts.
 
     All four in one call, because every call counts references to its arrays.

@@ -147,14 +147,6 @@ CARS = {
         BMW.with_(steer_limit=0.6), LinearPlant, ["steer_angle reaches no more than 0.6 rad, the car's limit is 1.066"],
     ),
     "mass": (
-<<<<<<< HEAD
-        BMW.with_(mass=1.3 * BMW.mass), LinearPlant,
-        ["the front axle slips 1.22 times as much", "as if its yaw_inertia over mass were 0.768 times"],
-    ),
-    "mass on tyres that follow the load": (
-        BMW.with_(mass=1.3 * BMW.mass), partial(FmuPlant.native, model="double-track"),
-        ["as if its yaw_inertia over mass were 0.7"],
-=======
         BMW.with_(
             mass=1.3 * BMW.mass, cornering_stiffness_front=BMW.cornering_stiffness_front,
             cornering_stiffness_rear=BMW.cornering_stiffness_rear,
@@ -164,7 +156,6 @@ CARS = {
     "mass on tyres that follow the load": (
         BMW.with_(mass=1.3 * BMW.mass), partial(FmuPlant.native, model="double-track"),
         ["the front axle slips 1.2"],
->>>>>>> cars
     ),
     "yaw inertia": (
         BMW.with_(yaw_inertia=1.6 * BMW.yaw_inertia), LinearPlant, ["its yaw_inertia over mass were 1.6 times"],

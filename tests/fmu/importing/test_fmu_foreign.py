@@ -141,11 +141,7 @@ def test_motion_of_another_point_becomes_that_of_the_centre_of_gravity(foreign):
         with FmuPlant.from_file(foreign[0], mapping) as plant:
             plant.reset(VehicleState(v_x=15.0))
             rows = slalom(plant, 150, 0.01)
-<<<<<<< HEAD
-        _, _, _, yaw, v_x, v_y, yaw_rate, _ = 0.5 * (rows[51:] + rows[50:-1]).T
-=======
         yaw, v_x, v_y, yaw_rate = 0.5 * (rows[51:] + rows[50:-1]).T[3:7]
->>>>>>> mutants
         east, north = (np.diff(rows[50:, 1:3], axis=0) / 0.01).T
         assert np.abs(yaw_rate).max() > 0.2
         assert np.abs(east * np.cos(yaw) + north * np.sin(yaw) - v_x).max() < 0.01

@@ -149,11 +149,7 @@ def test_a_plant_that_breaks_down_ends_the_run_and_leaves_no_traceback(module, t
         while state.time < 0.5:
             state = plant.step(SteeringCommand(0.0, 0.0, 15.0), 0.01)
         with pytest.raises(PlantError, match="ZeroDivisionError"):
-<<<<<<< HEAD
-            all(plant.step(SteeringCommand(0.0, 0.0, 15.0), 0.01) for _ in range(60))
-=======
             plant.step(SteeringCommand(0.0, 0.0, 15.0), 0.01)
->>>>>>> cars
 
 
 @pytest.fixture
