@@ -123,11 +123,8 @@ def _moved(protection: Protection, identifiers: dict[str, int], where: str) -> d
 def _refuse_twice(catalogue: Catalogue, where: str) -> None:
     seen: dict[int, str] = {}
     for name, message in catalogue.items():
-        if message.frame_id in seen:
-            first = seen[message.frame_id]
-            raise InputError(
-                where, f"0x{message.frame_id:X} would be both {first} and {name}", "[identifiers] for ours"
-            )
+        if first := seen.get(message.frame_id):
+            raise InputError(where, f"0x{message.frame_id:X} is both {first} and {name}", "[identifiers] for ours")
         seen[message.frame_id] = name
 
 

@@ -285,7 +285,7 @@ def test_other_formats_come_in(tmp_path, kind):
     (("cycle_ms = 20", "cycle_ms = 1"), "feedback[0].cycle_ms: 1 ms; allowed: >= 10 ms"),
     (("ACTIVE = [3, 4]", "BUSY = [3]"), "feedback[0].state.values: unknown state 'BUSY'"),
     (('angle = { signal = "Angle"', 'curvature = { signal = "Angle"'), None),
-    (("[[feedback]]", "[identifiers]\nVEH_DYN = 0x120\n[[feedback]]"), "0x120 would be both STEER_CMD and VEH_DYN"),
+    (("[[feedback]]", "[identifiers]\nVEH_DYN = 0x120\n[[feedback]]"), "0x120 is both STEER_CMD and VEH_DYN"),
     (("[[feedback]]", "[identifiers]\nSPEED = 5\n[[feedback]]"), "identifiers.SPEED: none of our messages"),
     (("[[feedback]]", "[limits]\nrate = -1.0\n[[feedback]]"), "limits.rate: -1.0; allowed: a finite number > 0"),
 ])  # fmt: skip

@@ -25,6 +25,7 @@ from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.validation.can_bus import drive as can_run
 from sidestep.validation.can_bus import faults as can_campaign
 from sidestep.validation.can_bus import replay as can_replay
+from sidestep.validation.can_bus.corruption import corrupt
 from sidestep.validation.can_bus.drive import drive_virtual
 from sidestep.validation.can_bus.monitor import Observer, monitor
 from sidestep.validation.cli.main import main
@@ -222,7 +223,7 @@ def test_one_description(tmp_path, capsys):
 
 
 def test_corrupt_frames_pass_the_crc_by_chance_only():
-    fate = can_campaign.corrupt(30_000, 1)
+    fate = corrupt(30_000, 1)
     assert fate.passed_crc == pytest.approx(30_000 / 256, abs=4 * (30_000 / 256) ** 0.5)
     assert fate.by_counter + fate.by_plausibility == fate.passed_crc
     assert fate.accepted == 0
