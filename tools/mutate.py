@@ -87,7 +87,8 @@ def _changes(token: tokenize.TokenInfo, before: tokenize.TokenInfo | None, is_un
     """What may stand instead of a token."""
     text = token.string
     if token.type == tokenize.NUMBER:
-        return [str(int(text, 0) + 1)] if text.isdigit() else ["1.0" if float(text) == 0.0 else repr(2.0 * float(text))]
+        value = ast.literal_eval(text)
+        return [repr(value + 1)] if isinstance(value, int) else [repr(2.0 * value if value else 1.0)]
     if is_unary:
         return [" "]
     if text in ("+", "-", "*", "**") and (before is None or not _ends_operand(before)):

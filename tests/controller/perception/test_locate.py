@@ -7,6 +7,7 @@ import pytest
 
 from sidestep.controller import ControllerConfig
 from sidestep.controller.memory import empty
+from sidestep.controller.mpc.roll import Body
 from sidestep.controller.perception.locate import locate
 from sidestep.controller.records import STATE, WORK, record
 from sidestep.controller.settings import settings_of
@@ -18,10 +19,10 @@ BMW = VehicleParameters.preset("bmw-320i")
 PERIOD = 0.02
 
 
-def located(road, state, delay=0, memory=None):
+def located(road, state, delay=0, memory=None, rolls=False):
     """Work space and memory after one look at a state."""
     memory, work, now = empty(math.nan) if memory is None else memory, record(WORK), record(STATE)
-    settings = settings_of(BMW, ControllerConfig(input_delay_steps=delay))
+    settings = settings_of(BMW, ControllerConfig(input_delay_steps=delay, body_roll=rolls))
     now[0] = astuple(state)
     locate(memory[0], work[0], settings[0], (road.table, road.period), now[0])
     return work[0], memory
@@ -74,3 +75,18 @@ def test_wheels_cannot_go_beyond_their_stop():
     w, _ = located(road, VehicleState(v_x=15.0, steer_angle=limit), 0, memory)
     assert w["x0"][5] == limit
     assert w["x0"][4] == pytest.approx(limit + 0.02)  # where they are is measured
+
+
+def test_the_body_leans_as_far_as_a_steady_turn_asks():
+    """Learned while it is driven, at more than walking speed; somebody who missed a state starts again upright."""
+    road, memory, body = ReferencePath.from_segments([Line(200.0)]), None, Body.of(BMW)
+    for k in range(150):
+        state = VehicleState(time=PERIOD * k, v_x=15.0, yaw_rate=0.2)
+        w, memory = located(road, state, 0, memory, rolls=True)
+        assert (k == 0) == (w["roll"][0] == 0.0)
+    assert w["roll"][0] == pytest.approx(body.gain * 15.0 * 0.2 / body.stiffness, rel=0.01)
+    assert abs(w["roll"][1]) < 1e-3
+    for later, speed in ((2.0 * PERIOD, 15.0), (PERIOD, 2.9)):
+        late = VehicleState(time=PERIOD * 149 + later, v_x=speed, yaw_rate=0.2)
+        w, _ = located(road, late, 0, memory.copy(), rolls=True)
+        assert w["roll"].tolist() == [0.0, 0.0]

@@ -9,7 +9,7 @@ import pytest
 from sidestep.controller import ControllerConfig, SteeringController
 from sidestep.controller.mpc.car_model import Car, axle_force, peak_slip, slip_angles
 from sidestep.controller.mpc.prediction import advance
-from sidestep.controller.perception.observer import observe_disturbance, real_forces
+from sidestep.controller.perception.observer import FIRST_STEPS, observe_disturbance, real_forces
 from sidestep.controller.records import DISTURBANCE, record
 from sidestep.controller.settings import settings_of
 from sidestep.plant_models.obstacle import Obstacle
@@ -132,3 +132,21 @@ def test_wheels_that_are_still_on_their_way_are_no_offset():
     on_the_way = int(0.8 * jump / (BMW.steer_rate_limit * PERIOD))
     assert on_the_way > 5
     assert abs(learned((0.0, 0.0, 0.0), 50 * [0.0] + on_the_way * [jump])[0]) < 5e-4
+
+
+@pytest.mark.parametrize("begin", [0.015, 0.03, 0.04])
+def test_an_actuator_that_goes_for_another_angle_is_found_at_once_whatever_its_lag(begin):
+    estimate, told, goes = record(DISTURBANCE), 0.02, 0.03
+    end = goes + (begin - goes) * math.exp(-PERIOD / CAR.lag)
+    states = np.array([0.0, 0.0, 0.0, 0.0, begin, told]), np.array([0.0, 0.0, 0.0, 0.0, end, told])
+    observe_disturbance(estimate[0], *states, np.zeros(2), SPEED, PERIOD, settings_of(BMW, ControllerConfig())[0])
+    assert estimate["actuator"][0] == pytest.approx((goes - told) / FIRST_STEPS)
+    assert estimate["steps"][0] == 1.0
+
+
+def test_the_first_estimates_are_means():
+    """What is put in, less the share with which knowing nothing counts; a force at the rear cannot be the steering."""
+    steps = 20
+    share = steps / (steps + FIRST_STEPS - 1.0)
+    assert learned((0.01, -0.006, 0.0), steps * [0.0])[:2] == pytest.approx([0.01 * share, -0.006 * share], rel=0.02)
+    assert learned((0.01, 0.0, 0.05), steps * [0.0])[2] == pytest.approx(0.05 * share, rel=0.02)
