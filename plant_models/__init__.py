@@ -7,7 +7,8 @@ from sidestep.plant_models.errors import InputError, PlantError, SidestepError
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.plant import Plant
-from sidestep.plant_models.road.reference_path import Arc, Clothoid, Line, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Arc, Clothoid, Line
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
 from sidestep.plant_models.tyres.parameters import TyreParameters
 from sidestep.plant_models.vehicle.parameters import SuspensionParameters, VehicleParameters, vehicle_presets

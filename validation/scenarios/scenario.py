@@ -12,7 +12,8 @@ from msgspec import Meta
 from sidestep.controller import ControllerConfig
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.plant_models.road.reference_path import Arc, Clothoid, Line, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Arc, Clothoid, Line
 from sidestep.plant_models.signals import VehicleState
 from sidestep.plant_models.tyres.property_file import read_tyre
 from sidestep.plant_models.vehicle.parameters import VehicleParameters

@@ -16,7 +16,8 @@ from sidestep.controller.decision.corridor import (
     obstacle_polygons,
     path_reference,
 )
-from sidestep.plant_models.road.reference_path import Arc, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Arc
 
 
 def polygon_of(box, curvature=0.0):

@@ -13,7 +13,8 @@ from sidestep.controller.mpc.prediction import advance, linearise
 from sidestep.controller.mpc.roll import Body, advance_roll, felt, roll_ahead
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.mujoco.plant import MujocoPlant
-from sidestep.plant_models.road.reference_path import Line, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Line
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 

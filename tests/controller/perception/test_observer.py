@@ -11,7 +11,8 @@ from sidestep.controller.mpc.car_model import Car, axle_force, peak_slip, slip_a
 from sidestep.controller.mpc.prediction import advance
 from sidestep.controller.perception.observer import Disturbance, observe_disturbance, observe_friction, real_forces
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.plant_models.road.reference_path import Line, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Line
 from sidestep.plant_models.signals import VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 

@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.plant_models.road.reference_path import Arc, Line, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Arc, Line
 from sidestep.validation.judge.geometry import boxes, car_boxes, edge_clearance, obstacle_boxes, signed_clearance
 from sidestep.validation.judge.verdict import judge
 from sidestep.validation.loop.recording import SAMPLE_UNITS, STEP_UNITS, End, Recording
