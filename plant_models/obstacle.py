@@ -3,7 +3,12 @@
 import math
 from dataclasses import dataclass, fields, replace
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.trajectory import Trajectory, interpolated
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,6 +21,8 @@ class Obstacle:
         heading: Relative to the road's direction at s, in [rad].
         speed: Along the road at constant l, in [m/s].
         height: In [m]: a body that leans touches a tall one sooner. Only plants in three dimensions know it.
+        appears, vanishes: When it comes and goes, in [s]; before and after it is not there.
+        trajectory: How it moves instead of at constant speed; s, l, heading and speed are those at time 0.
     """
 
     s: float
@@ -25,16 +32,62 @@ class Obstacle:
     heading: float = 0.0
     speed: float = 0.0
     height: float = 1.5
+    appears: float = 0.0
+    vanishes: float = math.inf
+    trajectory: Trajectory | None = None
 
     def __post_init__(self) -> None:
         for f in fields(self):
             value = getattr(self, f.name)
+            if f.name == "trajectory" or (f.name == "vanishes" and value == math.inf):
+                continue
             if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
                 raise InputError(f"obstacle.{f.name}", f"{value!r} is not a finite number")
         for name in ("length", "width", "height"):
             if getattr(self, name) <= 0.0:
                 raise InputError(f"obstacle.{name}", f"{getattr(self, name)}", "> 0")
 
+    @classmethod
+    def along(
+        cls, trajectory: Trajectory, length: float, width: float, height: float = 1.5,
+        appears: float = 0.0, vanishes: float = math.inf,
+    ) -> "Obstacle":  # fmt: skip
+        """A box that follows a trajectory."""
+        s, l, heading, speed = (float(value) for value in trajectory.at(0.0))  # noqa: E741
+        return cls(s, l, length, width, heading, speed, height, appears, vanishes, trajectory)
+
+    @property
+    def moves(self) -> bool:
+        """Whether it ever is elsewhere than at time 0."""
+        return self.speed != 0.0 or self.trajectory is not None or not self.is_there(0.0) or self.vanishes != math.inf
+
+    def is_there(self, time: ArrayLike) -> NDArray[np.bool_]:
+        """Whether it has appeared and not vanished at some times [s]."""
+        time = np.asarray(time, dtype=np.float64)
+        return (time >= self.appears) & (time < self.vanishes)
+
+    def track(self, time: ArrayLike) -> NDArray[np.float64]:
+        """s, l [m], heading [rad] and speed along the road [m/s] at some times [s], shape (4, ...)."""
+        time = np.asarray(time, dtype=np.float64)
+        if self.trajectory is not None:
+            return self.trajectory.at(time)
+        same = np.ones_like(time)
+        return np.stack([self.s + self.speed * time, self.l * same, self.heading * same, self.speed * same])
+
+    def pose(self, path: ReferencePath | None, time: float) -> tuple[float, float, float]:
+        """x, y [m] and yaw [rad] of its centre in the world at a time [s].
+
+        Args:
+            path: The road; None for the x axis.
+            time: In [s].
+        """
+        if self.trajectory is not None and self.trajectory.world is not None:
+            x, y, yaw = (float(value) for value in interpolated(self.trajectory.world, time))
+            return x, y, yaw
+        s, l, heading, _ = (float(value) for value in self.track(time))  # noqa: E741
+        return (s, l, heading) if path is None else (*path.to_cartesian(s, l), path.heading(s) + heading)
+
     def at(self, time: float) -> "Obstacle":
-        """The same box where it is after `time` seconds."""
-        return replace(self, s=self.s + self.speed * time)
+        """The same box as it is after `time` seconds, going on at the speed that it has there."""
+        s, l, heading, speed = (float(value) for value in self.track(time))  # noqa: E741
+        return replace(self, s=s, l=l, heading=heading, speed=speed, trajectory=None)

@@ -18,10 +18,12 @@ class Polyline:
     Attributes:
         points: Shape (n, 2), in [m]; on a closed one the last is the first again.
         closed: Whether u counts on over the laps.
+        widths: Of the road to the left and right of each point, shape (n, 2), in [m]; None if they were not given.
     """
 
     points: Array = field(repr=False)
     closed: bool = False
+    widths: Array | None = field(default=None, repr=False)
 
     @cached_property
     def stations(self) -> Array:

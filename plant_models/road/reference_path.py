@@ -145,11 +145,12 @@ class ReferencePath:
         if points.left is None or points.right is None:
             return path
         s = path.station_of(points.line.stations)
-        return path.with_edges(Widths.at_stations(s, points.left, points.right, path.length, path.closed))
+        return replace(path, edges=Widths.at_stations(s, points.left, points.right, path.length, path.closed))
 
     def with_edges(self, edges: Widths) -> "ReferencePath":
-        """The same path on a road of other widths."""
-        return replace(self, edges=edges)
+        """The same path on a road of other widths; those given with the way-points are forgotten."""
+        given = self.given and replace(self.given, widths=None)
+        return replace(self, edges=edges, given=given)
 
     def widths(self, s: float | Array) -> tuple[Array, Array]:
         """Distance from the path to the road's left and right edge at arc length s [m], in [m]."""

@@ -46,7 +46,8 @@ class WayPoints:
     @property
     def line(self) -> Polyline:
         """The polyline through them."""
-        return Polyline(self.points, bool(self.closed))
+        given = self.left is not None and self.right is not None
+        return Polyline(self.points, bool(self.closed), np.column_stack([self.left, self.right]) if given else None)
 
     def cleaned(self) -> "WayPoints":
         """Checked, without repetitions, closed or not, near the origin; every change is in `notes`.

@@ -14,7 +14,9 @@ import numpy as np
 from numba import njit
 
 from sidestep.plant_models.road.clothoid import Array, curvature_at, point_at
+from sidestep.plant_models.road.widths import widths_at
 from sidestep.plant_models.vehicle.parameters import GRAVITY
+from sidestep.validation.judge.geometry import FAR, obstacle_poses
 from sidestep.validation.scenarios.scenario import Scenario
 
 MARGIN = 0.10
@@ -67,11 +69,13 @@ def _time_to_pass(scenario: Scenario) -> float:
     speed = scenario.start.v_x
     reach = scenario.vehicle.length
     times = [(o.s + o.length / 2.0 + reach) / max(speed - o.speed, 1e-3) for o in scenario.obstacles]
+    if any(o.trajectory is not None for o in scenario.obstacles):
+        return min(scenario.duration, HORIZON)
     return min(1.1 * max(times, default=0.0) + 1.0, HORIZON)
 
 
 def _search(scenario: Scenario, brake_from: float, horizon: float) -> Array:
-    vehicle, config, path = scenario.vehicle, scenario.controller, scenario.path
+    vehicle, path = scenario.vehicle, scenario.path
     grip = scenario.plant.friction * GRAVITY
     braking = BRAKING_SHARE * min(vehicle.max_braking, grip)
     lateral = LATERAL_SHARE * grip
@@ -85,9 +89,9 @@ def _search(scenario: Scenario, brake_from: float, horizon: float) -> Array:
     s, l, heading = path.project(scenario.start.x, scenario.start.y)  # noqa: E741
     start = np.array([s, l, scenario.start.yaw - heading])
     found, states = _depth_first(
-        start, speeds, limits, _poses(path, boxes, times), boxes, path.table, path.period,
+        start, speeds, limits, _poses(path, scenario.obstacles, times), boxes, path.table, path.period,
         (vehicle.front_extent + MARGIN, vehicle.rear_extent + MARGIN, 0.5 * vehicle.width + MARGIN),
-        (-config.width_right, config.width_left),
+        path.edges.table, path.edges.spacing,
         STEER_SHARE * vehicle.steer_rate_limit / vehicle.wheelbase,
         layers,
     )  # fmt: skip
@@ -96,18 +100,17 @@ def _search(scenario: Scenario, brake_from: float, horizon: float) -> Array:
     return np.column_stack([times, states, speeds]).astype(np.float64)
 
 
-def _poses(path, boxes, times):
+def _poses(path, obstacles, times):
     """World pose of every box at every time, shape (M, T, 3), and its station, which is the fourth column."""
-    poses = np.empty((len(boxes), len(times), 4))
-    for m, (s, l, _, _, heading, speed) in enumerate(boxes):  # noqa: E741
-        stations = s + speed * times
-        poses[m, :, 0], poses[m, :, 1] = path.to_cartesian(stations, np.full_like(times, l))
-        poses[m, :, 2], poses[m, :, 3] = path.heading(stations) + heading, stations
+    poses = np.empty((len(obstacles), len(times), 4))
+    for m, obstacle in enumerate(obstacles):
+        poses[m, :, :3] = obstacle_poses(path, obstacle, times).T
+        poses[m, :, 3] = np.where(obstacle.is_there(times), obstacle.track(times)[0], FAR)
     return poses
 
 
 @njit(cache=True, nogil=True)
-def _depth_first(start, speeds, limits, poses, boxes, table, period, car, edges, steering, layers):
+def _depth_first(start, speeds, limits, poses, boxes, table, period, car, edges, spacing, steering, layers):
     """The first trajectory through all layers.
 
     Args:
@@ -117,7 +120,7 @@ def _depth_first(start, speeds, limits, poses, boxes, table, period, car, edges,
         boxes: Rows of s, l, length, width, heading, speed.
         table, period: Of the path.
         car: Front, rear, half width with margin, in [m].
-        edges: Right, left, in [m].
+        edges, spacing: Table of the road's widths, see `Widths`.
         steering: Largest rate of curvature, in [1/(m s)].
         layers: Number of decisions.
 
@@ -126,8 +129,9 @@ def _depth_first(start, speeds, limits, poses, boxes, table, period, car, edges,
     """
     trace = np.empty((layers * SUBSTEPS + 1, 4))
     trace[0, :3], trace[0, 3] = start, 0.0
-    widest = min(0.7, 8.0 / speeds[0])
-    cells = np.zeros((layers + 1, int((edges[1] - edges[0]) / _OFFSET_CELL) + 2,
+    widest = min(0.7, 8.0 / max(speeds[0], 1.0))
+    reach = (edges[:, 1].max(), edges[:, 0].max())
+    cells = np.zeros((layers + 1, int((reach[0] + reach[1]) / _OFFSET_CELL) + 2,
                       2 * _HEADING_CELLS + 1, 2 * _CURVATURE_CELLS + 1), np.uint8)  # fmt: skip
     tried = np.zeros(layers + 1, np.int64)
     layer = 0
@@ -141,13 +145,13 @@ def _depth_first(start, speeds, limits, poses, boxes, table, period, car, edges,
         move = _MOVES[tried[layer]]
         tried[layer] += 1
         at = layer * SUBSTEPS
-        if not _advance(trace, at, move, speeds, limits, poses, boxes, table, period, car, edges, steering):
+        if not _advance(trace, at, move, speeds, limits, poses, boxes, table, period, car, edges, spacing, steering):
             continue
         _, l, heading, curvature = trace[at + SUBSTEPS]  # noqa: E741
         if abs(heading) > widest:
             continue
         limit = _curvature_limit(speeds[at + SUBSTEPS], limits[at + SUBSTEPS], steering)
-        i = int((l - edges[0]) / _OFFSET_CELL)
+        i = int((l + reach[0]) / _OFFSET_CELL)
         j = _HEADING_CELLS + round(heading / widest * _HEADING_CELLS)
         k = _CURVATURE_CELLS + round(curvature / limit * _CURVATURE_CELLS)
         if cells[layer + 1, i, j, k]:
@@ -163,7 +167,7 @@ def _curvature_limit(speed, acceleration, steering):
 
 
 @njit(cache=True, nogil=True)
-def _advance(trace, at, move, speeds, limits, poses, boxes, table, period, car, edges, steering):
+def _advance(trace, at, move, speeds, limits, poses, boxes, table, period, car, edges, spacing, steering):
     """Drive one layer towards a curvature; false as soon as something is touched or the bound would break."""
     s, l, heading, curvature = trace[at]  # noqa: E741
     h = LAYER / SUBSTEPS
@@ -185,7 +189,7 @@ def _advance(trace, at, move, speeds, limits, poses, boxes, table, period, car, 
         s, l = s + h * along, l + h * v * math.sin(middle)  # noqa: E741
         heading, curvature = heading + h * (turn - road * along), bent
         trace[i + 1] = s, l, heading, curvature
-        if _leaves(l, heading, curvature_at(table, period, s), car, edges):
+        if _leaves(l, heading, curvature_at(table, period, s), car, widths_at(edges, spacing, period, s)):
             return False
         for m in range(boxes.shape[0]):
             if _hits(s, l, heading, poses[m, i + 1], boxes[m], table, period, car):
@@ -199,7 +203,7 @@ def _leaves(l, heading, road, car, edges):  # noqa: E741
     c, d = math.cos(heading), math.sin(heading)
     for lever in (car[0], -car[1]):
         centre = l + lever * d - 0.5 * road * lever * lever
-        if centre + car[2] * c > edges[1] or centre - car[2] * c < edges[0]:
+        if centre + car[2] * c > edges[0] or centre - car[2] * c < -edges[1]:
             return True
     return False
 

@@ -47,7 +47,7 @@ def judge(recording: Recording, scenario: Scenario) -> Judgement:
     """Judge every sample of a run (10 ms apart at most), moving obstacles where they are at that time."""
     time, s, path = recording["time"], recording["s"], scenario.path
     car = car_boxes(scenario.vehicle, recording["x"], recording["y"], recording["yaw"])
-    edge = float(edge_clearance(path, scenario.controller.width_left, scenario.controller.width_right, car, s).min())
+    edge = float(edge_clearance(path, car, s).min())
     gaps = np.array([_clearances(car, obstacle_boxes(path, box, time)) for box in scenario.obstacles])
     if not len(gaps):
         return Judgement(_label(recording, np.inf, edge), None, None, None, None, edge)

@@ -1,5 +1,6 @@
 """Scenarios: what is driven, as one checked value, from a TOML file and `--set` overrides."""
 
+import math
 import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -13,16 +14,17 @@ from sidestep.controller import ControllerConfig
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road.reference_path import ReferencePath
-from sidestep.plant_models.road.segments import Arc, Clothoid, Line
 from sidestep.plant_models.signals import VehicleState
 from sidestep.plant_models.tyres.property_file import read_tyre
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 from sidestep.validation.judge.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
+from sidestep.validation.scenarios.goal import Goal, goal
 from sidestep.validation.scenarios.plant_settings import PlantSettings, plant_settings
-from sidestep.validation.scenarios.tables import built, checked, did_you_mean, file_at, joined, override
+from sidestep.validation.scenarios.road_table import road_path
+from sidestep.validation.scenarios.tables import checked, did_you_mean, file_at, override
+from sidestep.validation.scenarios.traffic import obstacle, placed
 
 _BUILT_IN = Path(__file__).parent / "built_in"
-_SEGMENTS = {"line": Line, "arc": Arc, "clothoid": Clothoid}
 
 Positive = Annotated[float, Meta(gt=0.0)]
 
@@ -43,6 +45,7 @@ class Scenario:
         controller_preset: Name of the configuration that it started from.
         description: One line for lists.
         plant: Which plant.
+        goal: Where, when and how it ends before its time; None for nowhere.
         tables: The file's tables after the overrides: what makes the same run again.
         folder: From which the files in them are found.
     """
@@ -58,6 +61,7 @@ class Scenario:
     controller_preset: str = "default"
     description: str = ""
     plant: PlantSettings = field(default_factory=PlantSettings)
+    goal: Goal | None = None
     tables: dict[str, Any] = field(default_factory=dict, compare=False)
     folder: Path = field(default=Path(), compare=False)
 
@@ -74,22 +78,27 @@ class _File:
     vehicle: dict[str, Any] = field(default_factory=dict)
     controller: dict[str, Any] = field(default_factory=dict)
     plant: dict[str, Any] = field(default_factory=dict)
+    goal: dict[str, Any] | None = None
 
 
 @dataclass
-class _Road:
-    width_left: Positive
-    width_right: Positive
-    segments: list[Any] = field(default_factory=list)
-    waypoints: str = ""
+class StartTable:
+    """The table `start` of a scenario file: the car's reference point at time 0.
 
+    Attributes:
+        s, l: Along the road's reference (of way-points: along their polyline) and to the left of it, in [m].
+        heading: Relative to the road's direction there, in [rad].
+        speed: Of the reference point, in [m/s]; that to hold if not given.
+        sideslip: Direction of that speed relative to the heading, in [rad].
+        yaw_rate: In [rad/s].
+    """
 
-@dataclass
-class _Start:
     s: float = 0.0
     l: float = 0.0  # noqa: E741 (the paper's letter)
     heading: float = 0.0
-    speed: Positive | None = None
+    speed: Annotated[float, Meta(ge=0.0)] | None = None
+    sideslip: Annotated[float, Meta(ge=-1.5, le=1.5)] = 0.0
+    yaw_rate: float = 0.0
 
 
 def built_in_scenarios() -> tuple[str, ...]:
@@ -167,19 +176,20 @@ def scenario_from_tables(tables: dict[str, Any], label: str, file: Path) -> Scen
 
 def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
     top = _File(**checked(_File, {"name": file.stem, **tables}))
-    road = _Road(**checked(_Road, top.road, "road"))
-    start = _Start(**checked(_Start, top.start, "start"))
-    path = _path(road, file.parent)
-    preset, config = _controller(top.controller, road, top.speed)
-    x, y = path.to_cartesian(start.s, start.l)
-    yaw = path.heading(start.s) + start.heading
+    start = StartTable(**checked(StartTable, top.start, "start"))
+    path = road_path(top.road, file.parent)
+    preset, config = _controller(top.controller, path, top.speed)
+    x, y, yaw = placed(path, start.s, start.l, start.heading)
+    speed = top.speed if start.speed is None else start.speed
+    v_x, v_y = speed * math.cos(start.sideslip), speed * math.sin(start.sideslip)
     scenario = Scenario(
         name=top.name,
         speed=top.speed,
         duration=top.duration,
         path=path,
-        start=VehicleState(0.0, x, y, yaw, start.speed or top.speed),
-        obstacles=tuple(_obstacle(values, f"obstacles[{i}]") for i, values in enumerate(top.obstacles)),
+        start=VehicleState(0.0, x, y, yaw, v_x, v_y, start.yaw_rate),
+        obstacles=tuple(obstacle(values, f"obstacles[{i}]", path, file.parent) for i, values in enumerate(top.obstacles)),
+        goal=goal(top.goal, path),
         vehicle=_vehicle(top.vehicle, file.parent),
         controller=config,
         controller_preset=preset,
@@ -190,28 +200,6 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
     )  # fmt: skip
     _check_start(scenario, start.s)
     return scenario
-
-
-def _path(road: _Road, folder: Path) -> ReferencePath:
-    if bool(road.segments) == bool(road.waypoints):
-        raise InputError("road", "needs either segments or waypoints", "segments = [...] or waypoints = FILE.csv")
-    if road.waypoints:
-        return ReferencePath.from_csv(file_at(folder, road.waypoints, "road.waypoints"))
-    return ReferencePath.from_segments(
-        [_segment(table, f"road.segments[{i}]") for i, table in enumerate(road.segments)]
-    )
-
-
-def _segment(table: Any, where: str) -> Line | Arc | Clothoid:
-    kind = table.get("type") if isinstance(table, dict) else None
-    if kind not in _SEGMENTS:
-        raise InputError(joined(where, "type"), f"{kind!r}", ", ".join(_SEGMENTS))
-    values = {key: value for key, value in table.items() if key != "type"}
-    return built(_SEGMENTS[kind], values, where)
-
-
-def _obstacle(table: Any, where: str) -> Obstacle:
-    return built(Obstacle, table, where)
 
 
 def _vehicle(table: dict[str, Any], folder: Path) -> VehicleParameters:
@@ -229,8 +217,9 @@ def _vehicle(table: dict[str, Any], folder: Path) -> VehicleParameters:
     return base.with_(**values)
 
 
-def _controller(table: dict[str, Any], road: _Road, speed: float) -> tuple[str, ControllerConfig]:
-    elsewhere = {"width_left": road.width_left, "width_right": road.width_right, "cruise_speed": speed}
+def _controller(table: dict[str, Any], path: ReferencePath, speed: float) -> tuple[str, ControllerConfig]:
+    left, right = path.edges.narrowest
+    elsewhere = {"width_left": left, "width_right": right, "cruise_speed": speed}
     values = checked(ControllerConfig, table, "controller", partial=True, also={"preset": str}, without=elsewhere)
     preset = values.pop("preset", "default")
     return preset, ControllerConfig.preset(preset, **elsewhere, **values)
@@ -238,15 +227,15 @@ def _controller(table: dict[str, Any], road: _Road, speed: float) -> tuple[str, 
 
 def _check_start(scenario: Scenario, s: float) -> None:
     start, path = scenario.start, scenario.path
-    if not 0.0 <= s <= path.length:
-        raise InputError("start.s", f"{s} m is not on the road", f"0 to {path.length:.3f}")
+    length = path.given.length if path.given else path.length
+    if not 0.0 <= s <= length:
+        raise InputError("start.s", f"{s} m is not on the road", f"0 to {length:.3f}")
     box = car_boxes(scenario.vehicle, start.x, start.y, start.yaw)
-    config = scenario.controller
-    if (edge := float(edge_clearance(path, config.width_left, config.width_right, box, np.array([s]))[0])) < 0.0:
+    if (edge := float(edge_clearance(path, box, path.station_of([s]))[0])) < 0.0:
         raise InputError(
             "start.l", f"the car stands {-edge:.2f} m over the road's edge", "all four corners on the road"
         )
-    for index, obstacle in enumerate(scenario.obstacles):
-        gap = float(signed_clearance(box, obstacle_boxes(path, obstacle, np.zeros(1)))[0])
+    for index, other in enumerate(scenario.obstacles):
+        gap = float(signed_clearance(box, obstacle_boxes(path, other, np.zeros(1)))[0])
         if gap <= 0.0:
             raise InputError(f"obstacles[{index}]", "stands on the start of the car", "a free start")
