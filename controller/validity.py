@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from sidestep.controller.config import ControllerConfig
 from sidestep.controller.mpc.car_model import Car, axle_force, peak_slip
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.vehicle.parameters import GRAVITY
 
 Array = NDArray[np.float64]
@@ -66,10 +66,9 @@ class Validity:
             raise InputError(
                 "controller.validity", f"{str(path)!r}: {error}", "a file of `sidestep validate`"
             ) from error
+        if problem := _problem(speeds, frictions, limits):
+            raise InputError("controller.validity", f"{str(path)!r}: {problem}", "a file of `sidestep validate`")
         order = np.argsort(frictions)
-        usable = limits.shape == (len(frictions), len(speeds)) and limits.size > 0
-        if not usable or not np.isfinite(limits).all() or (limits < 0.0).any() or (np.diff(speeds) <= 0.0).any():
-            raise InputError("controller.validity", f"{str(path)!r}: no table of limits by friction and speed")
         return cls(speeds, frictions[order], limits[order])
 
     def by_speed(self, friction: float) -> Array:
@@ -86,7 +85,23 @@ class Validity:
         )
 
 
-@njit(cache=True, nogil=True)
+def _problem(speeds: Array, frictions: Array, limits: Array) -> str:
+    """Why the table of one model is not to be trusted; empty if it is."""
+    if not (limits.size and speeds.ndim == frictions.ndim == 1 and limits.shape == (frictions.size, speeds.size)):
+        return f"limits of shape {limits.shape} for {frictions.shape} frictions and {speeds.shape} speeds"
+    if not (np.isfinite(speeds).all() and speeds[0] >= 0.0 and (np.diff(speeds) > 0.0).all()):
+        return f"speeds that do not rise from 0 or more: {speeds.tolist()}"
+    if not (np.isfinite(frictions) & (frictions > 0.0)).all():
+        return f"a friction that is not positive: {frictions.tolist()}"
+    rows = frictions.tolist()
+    if twice := [friction for friction in rows if rows.count(friction) > 1]:
+        return f"friction {twice[0]:g} stands in more than one row"  # which limit holds?
+    if not (np.isfinite(limits) & (limits >= 0.0)).all():
+        return "a limit that is negative or no number"
+    return ""
+
+
+@kernel
 def _slip_of(force, stiffness, load, car):
     """Smallest slip angle at which an axle makes a force, in [rad]; that of the peak if it never does."""
     if not car.affine:

@@ -1,14 +1,17 @@
 """Obstacles as oriented boxes in the road frame."""
 
-import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.ranges import Range, check
 from sidestep.plant_models.road.reference_path import ReferencePath
 from sidestep.plant_models.trajectory import Trajectory, interpolated
+
+FOREVER = 1e9
+"""A time after every drive, in [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,32 +28,24 @@ class Obstacle:
         trajectory: How it moves instead of at constant speed; s, l, heading and speed are those at time 0.
     """
 
-    s: float
-    l: float  # noqa: E741 (the paper's letter)
-    length: float
-    width: float
-    heading: float = 0.0
-    speed: float = 0.0
-    height: float = 1.5
-    appears: float = 0.0
-    vanishes: float = math.inf
+    s: Annotated[float, Range(-1e6, 1e6, "m")]
+    l: Annotated[float, Range(-1e4, 1e4, "m")]  # noqa: E741 (the paper's letter)
+    length: Annotated[float, Range(0.001, 1e4, "m")]
+    width: Annotated[float, Range(0.001, 1e4, "m")]
+    heading: Annotated[float, Range(-100.0, 100.0, "rad")] = 0.0
+    speed: Annotated[float, Range(-150.0, 150.0, "m/s")] = 0.0
+    height: Annotated[float, Range(0.001, 100.0, "m")] = 1.5
+    appears: Annotated[float, Range(-FOREVER, FOREVER, "s")] = 0.0
+    vanishes: Annotated[float, Range(-FOREVER, FOREVER, "s")] = FOREVER
     trajectory: Trajectory | None = None
 
     def __post_init__(self) -> None:
-        for f in fields(self):
-            value = getattr(self, f.name)
-            if f.name == "trajectory" or (f.name == "vanishes" and value == math.inf):
-                continue
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                raise InputError(f"obstacle.{f.name}", f"{value!r} is not a finite number")
-        for name in ("length", "width", "height"):
-            if getattr(self, name) <= 0.0:
-                raise InputError(f"obstacle.{name}", f"{getattr(self, name)}", "> 0")
+        check(self, "obstacle")
 
     @classmethod
     def along(
         cls, trajectory: Trajectory, length: float, width: float, height: float = 1.5,
-        appears: float = 0.0, vanishes: float = math.inf,
+        appears: float = 0.0, vanishes: float = FOREVER,
     ) -> "Obstacle":  # fmt: skip
         """A box that follows a trajectory."""
         s, l, heading, speed = (float(value) for value in trajectory.at(0.0))  # noqa: E741
@@ -59,7 +54,7 @@ class Obstacle:
     @property
     def moves(self) -> bool:
         """Whether it ever is elsewhere than at time 0."""
-        return self.speed != 0.0 or self.trajectory is not None or not self.is_there(0.0) or self.vanishes != math.inf
+        return self.speed != 0.0 or self.trajectory is not None or not self.is_there(0.0) or self.vanishes != FOREVER
 
     def is_there(self, time: ArrayLike) -> NDArray[np.bool_]:
         """Whether it has appeared and not vanished at some times [s]."""

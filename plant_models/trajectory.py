@@ -22,7 +22,7 @@ class Trajectory:
         time: Ascending, shape (n,), in [s].
         s, l: In the road frame, shape (n,), in [m].
         heading: Relative to the road's direction there, continuous, shape (n,), in [rad].
-        world: Rows of time [s], x, y [m] and yaw [rad] if it was given in the world, shape (m, 4): what it is judged by.
+        world: Rows of time [s], x, y [m] and yaw [rad] if it was given in the world, shape (m, 4); it is judged by it.
     """
 
     time: Array = field(repr=False)
@@ -83,4 +83,5 @@ class Trajectory:
 
 def interpolated(world: Array, time: ArrayLike) -> Array:
     """x, y [m] and yaw [rad] at some times [s], shape (3, n), of rows as in `Trajectory.world`."""
+    time = np.asarray(time, dtype=np.float64)
     return np.stack([np.interp(time, world[:, 0], world[:, column]) for column in (1, 2, 3)])

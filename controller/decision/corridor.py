@@ -7,7 +7,8 @@ Stations are relative to the car's s. An obstacle is a convex polygon of eight r
 import math
 
 import numpy as np
-from numba import njit
+
+from sidestep.plant_models.kernels import kernel
 
 FIRST_CORRIDOR_TIME = 0.1
 """Earlier nodes get no corridor rows, in [s]: steering cannot move the car by a millimetre by then."""
@@ -15,7 +16,7 @@ NOTICED = 0.01
 """Excess over the corridor that counts as one, in [m]."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def obstacle_polygons(boxes, curvature):
     """Outline of boxes in the road frame.
 
@@ -40,7 +41,7 @@ def obstacle_polygons(boxes, curvature):
     return polygons
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def lateral_interval(polygon, shift, start, end):
     """Smallest and largest l of a polygon between two stations.
 
@@ -67,7 +68,7 @@ def lateral_interval(polygon, shift, start, end):
     return low, high
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def corridor_bounds(stations, times, reach, buffer, direction, bend, polygons, speeds, sides, right_edge, left_edge):
     """Free lateral interval at stations, Eq. (13) without the half width and buffer.
 
@@ -107,7 +108,7 @@ def corridor_bounds(stations, times, reach, buffer, direction, bend, polygons, s
     return right, left
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def footprint_bounds(stations, times, reach, buffer, levers, clearance, direction, turn, curvature, polygons, speeds,
                      sides, right_edge, left_edge):  # fmt: skip
     """Bounds on l + lever e_phi of the car's centre line at two ends of its footprint, Eq. (13).
@@ -146,7 +147,7 @@ def footprint_bounds(stations, times, reach, buffer, levers, clearance, directio
     return bounds
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def excess_over(bounds, states, times, levers):
     """How far a prediction leaves its corridor.
 
@@ -171,7 +172,7 @@ def excess_over(bounds, states, times, levers):
     return worst, first
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def path_reference(stations, offsets, queries, span):
     """Offset of the planned path and its mean slope over -+ span.
 

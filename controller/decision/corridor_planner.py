@@ -4,13 +4,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from sidestep.controller.config import ControllerConfig
 from sidestep.controller.decision.corridor import footprint_bounds, obstacle_polygons, path_reference
 from sidestep.controller.decision.lattice import LATERAL_STEP, LAYERS, arrival_times, layer_spacing
 from sidestep.controller.decision.planner import FREE, PlannedPath, plan_path
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.road.clothoid import curvature_at
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
@@ -95,7 +95,7 @@ class Corridor(NamedTuple):
     gap_speed: float
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _in_view(s, speed, cruise, now, boxes, period, settings):
     """Which boxes can be met on the way, and these with s from the car on, at present."""
     end = (LAYERS + 1) * layer_spacing(speed)
@@ -117,7 +117,7 @@ def _in_view(s, speed, cruise, now, boxes, period, settings):
     return near, boxes
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _way_out(offset, lateral, speed, settings):
     """How far a car that is in an obstacle's lane drives until it can be out of it, in [m]; 0 if it cannot."""
     hard, pace = settings.half_width + settings.buffer, max(speed, 1.0)
@@ -134,7 +134,7 @@ def _way_out(offset, lateral, speed, settings):
     return aside * spacing / (slope * LATERAL_STEP) + 2.0 * spacing + settings.reach
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _coming(polygons, speeds, settings):
     """Which obstacles would run into a car that stands in their lane: oncoming ones, and those from behind."""
     coming = np.zeros(speeds.shape[0], np.bool_)
@@ -144,7 +144,7 @@ def _coming(polygons, speeds, settings):
     return coming
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _plan(s, offset, speed, cruise, polygons, speeds, committed, held_up, settings):
     """The path; a car that is held up waits where what comes passes it.
 
@@ -183,7 +183,7 @@ def _plan(s, offset, speed, cruise, polygons, speeds, committed, held_up, settin
     return path
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _room_to_leave(gap, pace, lateral, stations, offsets, settings):
     """The gap less what the car needs to swing out from behind an obstacle.
 
@@ -198,7 +198,7 @@ def _room_to_leave(gap, pace, lateral, stations, offsets, settings):
     return max(gap - max(aside, 0.0) / settings.max_slope, min(gap, least))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _gap(blocker, room, pace, stations, offsets, polygons, speeds, settings):
     """Fields gap and gap_speed of `Corridor`."""
     if blocker == FREE:
@@ -212,7 +212,7 @@ def _gap(blocker, room, pace, stations, offsets, polygons, speeds, settings):
     return gap, speeds[blocker]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _firmness(stations, settled, pace, gentle):
     """Field firmness of `Corridor`."""
     full = min(max(2.0 * pace / FULL_EASE_SPEED - 1.0, 0.0), 1.0) if gentle else 0.0
@@ -221,7 +221,7 @@ def _firmness(stations, settled, pace, gentle):
     return firmness
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _stations_ahead(pace, steps, direction):
     """Stations of the nodes from the car on, in [m]: a car that goes across the road gets less far along it."""
     stations, station, before = np.empty(steps.shape[0]), 0.0, direction[0]
@@ -231,7 +231,7 @@ def _stations_ahead(pace, steps, direction):
     return stations
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _bounds(way, sides, edges, settings, grid):
     stations, pace, direction, turn, curvature, polygons, speeds = way
     return footprint_bounds(
@@ -240,7 +240,7 @@ def _bounds(way, sides, edges, settings, grid):
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def plan_corridor(
     s, offset, speed, cruise, now, boxes, table, period, committed, held_up, gentle, settings, grid, times, states, age
 ):  # fmt: skip

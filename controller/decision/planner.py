@@ -4,13 +4,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from sidestep.controller.config import ControllerConfig
 from sidestep.controller.decision.corridor import corridor_bounds, lateral_interval
 from sidestep.controller.decision.lattice import LATERAL_STEP, LAYERS, arrival_times, layer_spacing, shortest_path
 from sidestep.controller.decision.stopping import GRIP_SHARE
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 
 FREE, GAP_TOO_NARROW = -1, -2
@@ -98,7 +98,7 @@ class PlannedPath(NamedTuple):
     settled: float
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _way_back(last, speed, polygons, speeds, p):
     """Stations up to `last` where the car has passed what is on the reference, and where it is back on it, in [m]."""
     passed, settled = 0.0, 0.0
@@ -113,7 +113,7 @@ def _way_back(last, speed, polygons, speeds, p):
     return passed, settled
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def node_costs(stations, times, offsets, speed, polygons, speeds, committed, certain, p):
     """Costs (10) and (12) of every node, and the price of what is in the way.
 
@@ -174,7 +174,7 @@ def node_costs(stations, times, offsets, speed, polygons, speeds, committed, cer
     return cost, settled
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def plan_path(station, offset, speed, cruise, polygons, speeds, committed, certain, p):
     """Search the best path from the car on and the corridor around it.
 
@@ -235,7 +235,7 @@ def plan_path(station, offset, speed, cruise, polygons, speeds, committed, certa
     return path_stations, path, right, left, sides, least, blocker, room, settled
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _passing_sides(stations, times, path, polygons, speeds, p):
     """Side on which the path passes each obstacle, what slows the car down most, and from where on it is blocked."""
     sides = np.zeros(polygons.shape[0], np.int64)

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 import piqp
-from numba import njit
 from numpy.typing import NDArray
 
 from sidestep.controller.config import ControllerConfig
@@ -24,6 +23,7 @@ from sidestep.controller.mpc.qp import (
     fill_rows,
     solve_freely,
 )
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
 Array = NDArray[np.float64]
@@ -100,7 +100,7 @@ class Solution(NamedTuple):
     solve_us: float
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _fill(x0, speed, path, heading, firmness, turn_rate, bounds, times, states, roll, age, disturbance, slip_limits,
           car, grid, force_times, weights, limits, first, slip_nodes, free, response, forces, lines, P, c,
           z):  # fmt: skip
@@ -114,7 +114,7 @@ def _fill(x0, speed, path, heading, firmness, turn_rate, bounds, times, states, 
     return solve_freely(P, c, limits.rate, values, slopes, low, high, z)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _states(x0, z, free, response):
     states = np.empty((free.shape[0] + 1, STATES))
     states[0] = x0

@@ -9,11 +9,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from sidestep.controller.mpc.car_model import axle_force, least_slope, slip_angles, tangent
 from sidestep.controller.mpc.roll import advance_roll, felt, lateral_acceleration
+from sidestep.plant_models.kernels import kernel
 
 STATES, WIDTH = 6, 10
 RATE, TURN, FRONT, REAR = 6, 7, 8, 9
@@ -53,7 +53,7 @@ class Prediction(NamedTuple):
         return cls(np.zeros(1), x0[None], np.zeros((1, 2)), 0.0)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def model_block(speed, slope_f, slope_r, car):
     """Generator of [x; w]: the upper rows of [[A, B], [0, 0]].
 
@@ -85,7 +85,7 @@ def model_block(speed, slope_f, slope_r, car):
     return a
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def tyre_lag(v, slopes, car):
     """Time until forces follow slip, in [s].
 
@@ -101,7 +101,7 @@ def tyre_lag(v, slopes, car):
     return lag / (1.0 + (2.0 * lag * slopes / (car.mass * v)) ** 2)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _relax(a, v, slope_f, slope_r, car):
     """Let axle forces lag behind their slip angles by the time the tyres take to roll their relaxation length.
 
@@ -119,7 +119,7 @@ def _relax(a, v, slope_f, slope_r, car):
         a[2, j], a[3, j] = (own_r * b - cross_b * r) / determinant, (own_b * r - cross_r * b) / determinant
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _multiply(a, b, identity, out):
     """Product of upper blocks: of [[a], [0, identity]] with [[b], [0, identity]]; with b's only, if a's is 0."""
     for i in range(STATES):
@@ -132,7 +132,7 @@ def _multiply(a, b, identity, out):
                     out[i, j] += factor * b[k, j]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def exponential(a, dt):
     """Upper rows of the exponential of [[a], [0]] dt by scaling, an eighth-order Taylor polynomial and squaring.
 
@@ -178,7 +178,7 @@ def exponential(a, dt):
     return e
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def double(e):
     """[A_k, B_k] of twice the step."""
     out = np.empty((STATES, WIDTH))
@@ -186,7 +186,7 @@ def double(e):
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def linearise(times, states_time, states, roll, speed, disturbance, car, lines):
     """Axle forces as lines through the slip angles of an earlier prediction.
 
@@ -217,7 +217,7 @@ def linearise(times, states_time, states, roll, speed, disturbance, car, lines):
         lines[g, 4] = aside
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _rates(x, feels, v, turn_rate, disturbance, command, car):
     front, rear = slip_angles(x[2] + feels[0] / v, x[3], x[4], v, car)
     force_f = axle_force(front, car.stiffness_f, car.load_f, car, feels[1]) + disturbance[0]
@@ -235,7 +235,7 @@ def _rates(x, feels, v, turn_rate, disturbance, command, car):
     return rates
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def advance(state, roll, speed, turn_rate, disturbance, commands, period, car):
     """Simulate the nonlinear model through commands that are already on their way (RK4).
 
@@ -270,7 +270,7 @@ def advance(state, roll, speed, turn_rate, disturbance, commands, period, car):
     return x, roll
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def steady_gain(speed, car):
     """Steady lateral acceleration per road-wheel angle, v^2 / (L + K v^2), in [m/s^2/rad], of the linear car."""
     wheelbase = car.l_f + car.l_r

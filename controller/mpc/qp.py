@@ -9,7 +9,6 @@ solved once more with both rows of every line.
 """
 
 import numpy as np
-from numba import njit
 
 from sidestep.controller.mpc.prediction import (
     FRONT,
@@ -24,6 +23,7 @@ from sidestep.controller.mpc.prediction import (
     model_block,
     steady_gain,
 )
+from sidestep.plant_models.kernels import kernel
 
 SLACKS = 2
 NEAREST, RESERVE = 20, 12
@@ -36,7 +36,7 @@ COST_STEP = 0.1
 TERMINAL_WEIGHT = 3.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def condense(x0, speed, car, period, level, block, group, forces, turn_rate, free, response):
     """States at the nodes as free response plus slope in the moves.
 
@@ -73,7 +73,7 @@ def condense(x0, speed, car, period, level, block, group, forces, turn_rate, fre
         state, slope = free[k], response[k]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def fill_cost(speed, car, period, level, block, group, forces, path, heading, firmness, weights, free, response, P, c):
     """Cost (15): distance and lateral speed to the planned path, lateral acceleration, jerk and rate.
 
@@ -118,7 +118,7 @@ def fill_cost(speed, car, period, level, block, group, forces, path, heading, fi
     c[moves], c[moves + 1] = weights.corridor * SLACK_UNIT, weights.slip * SLACK_UNIT
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def fill_lines(speed, car, levers, bounds, first, slip_nodes, slip_limits, steer_limit, block, group, forces, free,
                response, lines, slopes, low, high):  # fmt: skip
     """Bounded lines: footprint ends from node `first` on (slack 0), slip angles (slack 1), commanded angles (none).
@@ -159,7 +159,7 @@ def fill_lines(speed, car, levers, bounds, first, slip_nodes, slip_limits, steer
             i += 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def solve_freely(P, c, rate, lines, slopes, low, high, z):
     """Optimum without bounds and slacks, by elimination: P is positive definite and needs no pivots.
 
@@ -200,7 +200,7 @@ def solve_freely(P, c, rate, lines, slopes, low, high, z):
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def fill_rows(moves, soft, lines, slopes, low, high, G, h_l, h_u):
     """Rows: the bounds nearest to the last solution and an empty reserve; all bounds if G has room for them.
 
@@ -230,7 +230,7 @@ def fill_rows(moves, soft, lines, slopes, low, high, G, h_l, h_u):
         put_row(row, i, above[i] < below[i], soft, lines, slopes, low, high, G, h_l, h_u)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def put_row(row, i, upper, soft, lines, slopes, low, high, G, h_l, h_u):
     """Write one bound of line i into a row: sign (line - bound) <= slack."""
     sign, bound = (1.0, high[i]) if upper else (-1.0, low[i])
@@ -242,13 +242,13 @@ def put_row(row, i, upper, soft, lines, slopes, low, high, G, h_l, h_u):
     h_u[row] = sign * (bound - lines[i])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def slack_of(i, soft):
     """Index of the slack of line i; SLACKS for a hard line."""
     return 0 if i < soft[0] else 1 if i < soft[1] else SLACKS
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def add_violated(z, used, tolerance, soft, lines, slopes, low, high, G, h_l, h_u):
     """Move violated bounds that have no row yet into the reserve.
 

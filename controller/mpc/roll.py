@@ -9,9 +9,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 
 ROLL_STEP = 0.01
@@ -60,7 +60,7 @@ class Body(NamedTuple):
         return cls(height, vehicle.mass * height / inertia, upright / inertia, damping / inertia, *axles)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def advance_roll(angle, rate, lateral, dt, body):
     """Roll angle [rad, to the right] and rate [rad/s] after `dt` [s] of lateral acceleration `lateral` [m/s^2]."""
     steps = math.ceil(dt / ROLL_STEP)
@@ -72,7 +72,7 @@ def advance_roll(angle, rate, lateral, dt, body):
     return angle, rate
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def felt(angle, rate, body):
     """What the tyres feel.
 
@@ -84,7 +84,7 @@ def felt(angle, rate, body):
     return body.height * rate, front, body.rear[0] * angle + body.rear[1] * rate
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def roll_ahead(angle, rate, times, states, speed, body):
     """Roll along a prediction.
 
@@ -105,7 +105,7 @@ def roll_ahead(angle, rate, times, states, speed, body):
     return roll
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def lateral_acceleration(before, now, speed, dt):
     """Mean lateral acceleration [m/s^2] between two states of `prediction`, shape (6,), `dt` [s] apart."""
     return speed * ((now[2] - before[2]) / dt + 0.5 * (now[3] + before[3]))

@@ -10,11 +10,10 @@ part of a mismatch is taken, transients are left alone.
 import math
 from typing import NamedTuple
 
-from numba import njit
-
 from sidestep.controller.mpc.car_model import Car, axle_force, slip_angles
 from sidestep.controller.mpc.prediction import SLOWEST, tyre_lag
 from sidestep.controller.mpc.roll import felt, lateral_acceleration
+from sidestep.plant_models.kernels import kernel
 
 DISTURBANCE_TIME = 0.8
 """Time constant of the disturbance estimate, in [s]."""
@@ -62,7 +61,7 @@ class Disturbance(NamedTuple):
         return self.share * car.load_f, self.share * car.load_r
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def real_forces(before, now, v, period, car):
     """Lateral axle forces between two states, from Newton's and Euler's law.
 
@@ -80,7 +79,7 @@ def real_forces(before, now, v, period, car):
     return (car.l_r * lateral + moment) / wheelbase, (car.l_f * lateral - moment) / wheelbase
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _model_forces(before, now, sensor, roll, v, period, car):
     lag = tyre_lag(v, car.stiffness_f + car.stiffness_r, car)
     middle = 0.5 * (before + now) - lag / period * (now - before)
@@ -90,12 +89,12 @@ def _model_forces(before, now, sensor, roll, v, period, car):
     return front, rear, force_f, axle_force(rear, car.stiffness_r, car.load_r, car, moved_r)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _towards(estimate, target, gain, limit):
     return min(max(estimate + gain * (target - estimate), -limit), limit)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def observe_disturbance(estimate, before, now, roll, speed, period, car, slip_limits):
     """One step of the disturbance observer.
 
@@ -128,7 +127,7 @@ def observe_disturbance(estimate, before, now, roll, speed, period, car, slip_li
     return actuator, sensor, share, steps + 1.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def observe_friction(before, now, sensor, roll, speed, period, car, slip_limits, believed):
     """One step of the estimate of the friction's upper bound.
 

@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from sidestep.controller import ControllerConfig, SteeringController
 from sidestep.fmu.exporting.controller_variables import FIXED, NAMES, OUTPUTS, STATE, TUNABLE
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road.reference_path import ReferencePath
 from sidestep.plant_models.signals import VehicleState
@@ -122,7 +122,7 @@ class ControllerServer:
         return x, y, self._path.heading(s) + obstacle.heading, 0.5 * obstacle.length, 0.5 * obstacle.width
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def clearance(x, y, yaw, ahead, a, b, boxes):
     """Distance in [m] from the car to the nearest box, 0 if they overlap, at most `NOTHING_NEAR`.
 
@@ -139,7 +139,7 @@ def clearance(x, y, yaw, ahead, a, b, boxes):
     return nearest
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def box_distance(x, y, heading, a, b, x_2, y_2, heading_2, a_2, b_2):
     """Distance in [m] between two boxes, 0 if they overlap.
 
@@ -153,7 +153,7 @@ def box_distance(x, y, heading, a, b, x_2, y_2, heading_2, a_2, b_2):
     return min(first, second) if apart or too else 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _corner_distance(x, y, heading, a, b, x_2, y_2, heading_2, a_2, b_2):
     """From the corners of the second box to the first one; whether an axis of the first one separates them."""
     c, s, turn = math.cos(heading), math.sin(heading), heading_2 - heading

@@ -13,8 +13,9 @@ from typing import Any
 import llvmlite.binding as llvm
 import mujoco
 import numpy as np
-from numba import config, njit, types
+from numba import config, types
 
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.linear.plant import steered
 from sidestep.plant_models.speed_control import limited_acceleration
 from sidestep.plant_models.tyres.contact import PATCH, dot, tyres
@@ -50,13 +51,13 @@ def stop_the_clock() -> None:
     _CLOCK.value = None
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def ackermann(angle, offset):
     """Angle of a wheel whose kingpin is `offset` wheelbases left of the axle's middle, in [rad]."""
     return math.atan2(math.sin(angle), math.cos(angle) - offset * math.sin(angle))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _wheel_torques(dt, car, state, qvel, ctrl):
     """Speed hold: drive on the rear axle, brakes on all wheels by their load, both within the grip."""
     target, speed = state["target_speed"], state["planar"][3]
@@ -82,7 +83,7 @@ def _wheel_torques(dt, car, state, qvel, ctrl):
         ctrl[2 + i] = min(max(stop, -limit), limit)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _steer(dt, car, state, ctrl):
     """Advance the steering actuator and lead the servos so that the hinges follow it without a lag."""
     before = state["steer_angle"]
@@ -95,7 +96,7 @@ def _steer(dt, car, state, ctrl):
         offset = -offset
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def observe(cars, states, qpos, qvel):
     """Write the planar state of the total centre of gravity to `planar` of the state.
 
@@ -125,7 +126,7 @@ def observe(cars, states, qpos, qvel):
     planar[6] = 0.5 * (ackermann(left, -offset) + ackermann(right, offset))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _is_sane(qvel):
     """Whether no velocity is NaN or absurd: MuJoCo would go on and fill the screen with warnings."""
     total = 0.0
@@ -134,7 +135,7 @@ def _is_sane(qvel):
     return total < _ABSURD**2
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def advance(
     steps, dt, model, data, cars, states, sensors, xipos, xmat, qpos, qvel, qfrc, ctrl, mocap_pos, pairs, damping,
     track, patches,

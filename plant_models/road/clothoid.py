@@ -9,8 +9,9 @@ holds from its s to that of the next. `period` is the length of a closed path an
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from sidestep.plant_models.kernels import kernel
 
 Array = NDArray[np.float64]
 
@@ -30,7 +31,7 @@ _NODES += 0.5
 _BLOCK = 16  # pieces that the search for the nearest point rules out at once
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def advance(heading, curvature, sharpness, u):
     """Way (dx, dy) along a clothoid that starts with `heading` and `curvature`, after arc length `u`, in [m]."""
     dx = dy = 0.0
@@ -42,7 +43,7 @@ def advance(heading, curvature, sharpness, u):
     return u * dx, u * dy
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _row(table, s):
     """The row that holds at s: pieces are of much the same length, so that it is near where it would be if of one."""
     count = table.shape[0]
@@ -67,7 +68,7 @@ def _row(table, s):
     return low
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def curvature_at(table, period, s):
     """Curvature at arc length `s` of any lap, in [1/m]; 0 outside an open path."""
     if period > 0.0:
@@ -76,7 +77,7 @@ def curvature_at(table, period, s):
     return table[row, 4] + table[row, 5] * (s - table[row, 0])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def pose_at(table, period, s):
     """Point, continuous heading and curvature at arc length `s`: x, y, heading, curvature in [m, m, rad, 1/m]."""
     turn = 0.0
@@ -96,14 +97,14 @@ def pose_at(table, period, s):
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def point_at(table, period, s, offset):
     """World point beside the path, and the path's heading there: x, y, heading in [m, m, rad]."""
     x, y, heading, _ = pose_at(table, period, s)
     return x - offset * math.sin(heading), y + offset * math.cos(heading), heading
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def project_at(table, period, x, y, near):
     """Foot of the perpendicular from a point to the path.
 
@@ -125,7 +126,7 @@ def project_at(table, period, x, y, near):
     return s, offset, heading
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _seen_from(table, period, x, y, s):
     """The point in the frame of the path at s: ahead, left; and the path's heading and curvature."""
     px, py, heading, curvature = pose_at(table, period, s)
@@ -133,19 +134,19 @@ def _seen_from(table, period, x, y, s):
     return (x - px) * c + (y - py) * n, (y - py) * c - (x - px) * n, heading, curvature
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _ahead(table, row, x, y):
     heading = table[row, 3]
     return (x - table[row, 1]) * math.cos(heading) + (y - table[row, 2]) * math.sin(heading)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _distance(table, row, x, y):
     dx, dy = x - table[row, 1], y - table[row, 2]
     return math.sqrt(dx * dx + dy * dy)  # a third of the time of hypot
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _foot(table, period, x, y, low, high):
     """Newton's method for the foot between two stations, bisection where it does not settle."""
     s = 0.5 * (low + high)
@@ -164,7 +165,7 @@ def _foot(table, period, x, y, low, high):
     return s
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _downhill(table, period, x, y, near):
     """Arc length of the foot in whose basin of attraction `near` lies."""
     count = table.shape[0] - 2
@@ -192,14 +193,14 @@ def _downhill(table, period, x, y, near):
     return _foot(table, period, x, y, s - table[previous + 1, 0] + table[previous, 0], s)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _bound(table, start, end, x, y):
     """Lower bound, by the triangle inequality, of the distance to the path between two nodes."""
     way = table[end, 0] - table[start, 0]
     return 0.5 * (_distance(table, start, x, y) + _distance(table, end, x, y) - way)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _nearest(table, period, x, y):
     """Arc length of the nearest point: blocks, then pieces, that cannot hold it are skipped."""
     last = table.shape[0] - 1
@@ -225,7 +226,7 @@ def _nearest(table, period, x, y):
     return s
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def lay(table, x, y, heading, pieces):
     """Write the pieces one after another into a table, from a start pose on.
 
@@ -246,7 +247,7 @@ def lay(table, x, y, heading, pieces):
     table[-1] = s, x, y, heading, 0.0, 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def fit(chord, start, end):
     """The clothoid piece between two poses: length, curvature at the start, sharpness.
 

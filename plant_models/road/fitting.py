@@ -11,12 +11,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.linalg import solveh_banded
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.road.clothoid import MAX_CURVATURE, SPACING, Array, advance, fit, with_ends
 from sidestep.plant_models.road.polyline import Polyline, strays
 from sidestep.plant_models.road.waypoints import WayPoints
@@ -251,7 +251,7 @@ def _table(spline: CubicSpline, parameters: Array, closed: bool) -> Array:
     return table
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _join(table):
     """Arc lengths, continuous headings and clothoids between nodes whose positions and headings stand in the table."""
     for i in range(1, table.shape[0] - 1):
@@ -263,7 +263,7 @@ def _join(table):
         table[i + 1, 0] = table[i, 0] + length
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _turn(angle):
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
@@ -304,7 +304,7 @@ def _worst(line: Polyline, table: Array, u: Array) -> tuple[float, float]:
     return worst, place
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _halves(rows):
     """Positions at the rows of a table and half-way between them, in order."""
     result = np.empty((2 * len(rows) - 1, 2))

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.road.clothoid import Array
 
 
@@ -77,7 +77,7 @@ class Polyline:
         return at, np.clip(np.searchsorted(self.stations, at, side="right") - 1, 0, len(self.points) - 2)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def strays(line, stations, points, near, reach):
     """Distance of points from that part of a polyline on which they belong.
 

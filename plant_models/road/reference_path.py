@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any, overload
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.road.clothoid import (
     Array,
     curvature_at,
@@ -156,6 +156,13 @@ class ReferencePath:
         """Distance from the path to the road's left and right edge at arc length s [m], in [m]."""
         return self.edges.at(s, self.period)
 
+    def given_station(self, s: ArrayLike) -> Array:
+        """Arc length along the way-points' polyline that belongs to stations s [m] of the path, in [m]."""
+        s = np.asarray(s, dtype=np.float64)
+        if self.nodes is None:
+            return s
+        return np.interp(np.remainder(s, self.length) if self.closed else s, self.table[1:, 0], self.nodes)
+
     def station_of(self, u: ArrayLike) -> Array:
         """Arc length along the path, in [m], that belongs to arc lengths u [m] along the way-points' polyline."""
         u = np.asarray(u, dtype=np.float64)
@@ -232,7 +239,7 @@ def _flat(values: ArrayLike) -> Array:
     return np.array(values, dtype=np.float64).ravel()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _curvatures(table, period, s):
     result = np.empty_like(s)
     for i in range(s.size):
@@ -240,7 +247,7 @@ def _curvatures(table, period, s):
     return result
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _points(table, period, s, offset):
     result = np.empty((3, s.size))
     for i in range(s.size):
@@ -248,7 +255,7 @@ def _points(table, period, s, offset):
     return result
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _projections(table, period, x, y, near):
     result = np.empty((3, x.size))
     for i in range(x.size):

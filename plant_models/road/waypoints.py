@@ -5,10 +5,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.road.clothoid import MAX_LENGTH, Array
 from sidestep.plant_models.road.polyline import Polyline
 
@@ -46,8 +46,10 @@ class WayPoints:
     @property
     def line(self) -> Polyline:
         """The polyline through them."""
-        given = self.left is not None and self.right is not None
-        return Polyline(self.points, bool(self.closed), np.column_stack([self.left, self.right]) if given else None)
+        widths = None
+        if self.left is not None and self.right is not None:
+            widths = np.column_stack([self.left, self.right])
+        return Polyline(self.points, bool(self.closed), widths)
 
     def cleaned(self) -> "WayPoints":
         """Checked, without repetitions, closed or not, near the origin; every change is in `notes`.
@@ -137,7 +139,7 @@ def _comes_round(points: Array) -> bool:
     return bool(steps[-1] <= 2.0 * steps[:-1].max() and ends <= widest and line.length > 10.0 * steps[-1])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _apart(points, distance):
     """Which points stay if those near the last one that stayed go."""
     kept = np.empty(len(points), np.int64)

@@ -3,10 +3,10 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.road.clothoid import Array
 
 SPACING = 1.0
@@ -91,7 +91,7 @@ class Widths:
         return values[..., 0], values[..., 1]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def widths_at(table, spacing, period, s):
     """Left and right at one station, as `Widths.at`, for kernels: its table and spacing, the path's period."""
     if period > 0.0:

@@ -7,8 +7,8 @@ tunes MuJoCo's own friction to be that shear at the present speed, or leaves tha
 import math
 
 import numpy as np
-from numba import njit
 
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.tyres.formula import tyre_forces
 from sidestep.plant_models.tyres.parameters import TYRE
 
@@ -72,25 +72,25 @@ PATCH = 14  # found, dist, pos (3), normal (3), tangent (3), linvel (3) in the c
 _FORCE = 4 * PATCH + 1  # behind the hull's: contact force of the last step (3) per tyre, in the contact modes
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def dot(a, b):
     """Scalar product of two vectors of three."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def cross(a, b):
     """Vector product, as a tuple."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def vector(values, start):
     """Three numbers of an array as a tuple; a slice would count references, which costs more than the numbers."""
     return values[start], values[start + 1], values[start + 2]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def relaxed_slip(deflection_x, deflection_y, slide_x, slide_y, rolling, dt, tyre):
     """Advance the carcass deflection by one implicit step of u' = -v_s - |v_x| u / sigma.
 
@@ -117,7 +117,7 @@ def relaxed_slip(deflection_x, deflection_y, slide_x, slide_y, rolling, dt, tyre
     return x * length_x, y * length_y, x - damping * slide_x, math.atan(y - damping * slide_y)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def friction_at(x, y, friction, patches):
     """Road friction at a point, in [-].
 
@@ -135,7 +135,7 @@ def friction_at(x, y, friction, patches):
     return friction
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _axes(axle, normal):
     """Directions ahead and left of a wheel in the road's plane, and the sine of its camber."""
     ahead = cross(axle, normal)
@@ -144,7 +144,7 @@ def _axes(axle, normal):
     return ahead, cross(normal, ahead), dot(axle, normal)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _lift(i, state):
     state["load"][i] = 0.0
     state["deflection"][i, :] = 0.0
@@ -152,7 +152,7 @@ def _lift(i, state):
     state["shear"][i, :] = 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _law(i, kappa, alpha, camber, load, friction, tyre):
     """The law on wheel `i`; those on the right are mirror images."""
     side = 1.0 if i % 2 == 0 else -1.0
@@ -160,7 +160,7 @@ def _law(i, kappa, alpha, camber, load, friction, tyre):
     return fx, side * fy, side * moment
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _contact_damping(i, slide_x, slide_y, rolling, camber, load, friction, tyre):
     """Damping of the contact's friction that gives the law's force at this speed and slip, in [N s/m]."""
     slide, speed = math.hypot(slide_x, slide_y), max(abs(rolling), _LOW_SPEED)
@@ -170,7 +170,7 @@ def _contact_damping(i, slide_x, slide_y, rolling, camber, load, friction, tyre)
     return math.hypot(fx, fy) / slide
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def tyres(dt, car, state, sensors, xipos, xmat, qpos, qvel, qfrc, pairs, damping, patches):
     """Shear of the wheels from their contact patches: a wrench on the joints, or tuned contacts.
 
@@ -226,7 +226,7 @@ def tyres(dt, car, state, sensors, xipos, xmat, qpos, qvel, qfrc, pairs, damping
             pairs[i, 0] = pairs[i, 1] = friction * max(car["tyre"][0]["p_dx1"], car["tyre"][0]["p_dy1"])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _wrench(arm, ahead, left, normal, depth, fx, fy, moment, borne):
     """Force and moment on the wheel's body, about its centre."""
     # The patch lies half the penetration below the road, where the wheel rolls; the car leans on the road.
@@ -246,7 +246,7 @@ def _wrench(arm, ahead, left, normal, depth, fx, fy, moment, borne):
     return force, torque
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def push(i, car, xipos, xmat, qpos, qfrc, force, torque):
     """Add a wrench on wheel `i` to the joints that carry it.
 

@@ -9,23 +9,24 @@ origin is the cornering stiffness.
 import math
 
 import numpy as np
-from numba import njit
+
+from sidestep.plant_models.kernels import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def cornering_stiffness(load, p):
     """Slope K_y of the pure lateral force at zero slip and camber, in [N/rad]; `load` in [N], `p` from `as_array`."""
     return _stiffness(load, 0.0, p[0])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def magic_formula(kappa, alpha, load, friction, p):
     """Longitudinal and lateral force of an upright tyre, in [N]; arguments as of `tyre_forces`."""
     fx, fy, _ = tyre_forces(kappa, alpha, 0.0, load, friction, p)
     return fx, fy
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def lateral_force(alpha, load, friction, p):
     """Lateral force of an upright tyre without longitudinal slip, in [N]; arguments as of `tyre_forces`."""
     if load <= 0.0 or friction <= 0.0:
@@ -34,7 +35,7 @@ def lateral_force(alpha, load, friction, p):
     return friction * force
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def tyre_forces(kappa, alpha, camber, load, friction, p):
     """Steady-state shear force and aligning moment of one tyre.
 
@@ -77,31 +78,31 @@ def tyre_forces(kappa, alpha, camber, load, friction, p):
     return friction * fx, friction * (fy + induced), friction * moment
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _cos_atan(x):
     return 1.0 / math.sqrt(1.0 + x * x)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _sine(stiffness, peak, shape, curvature, slip):
     x = stiffness / (shape * peak) * slip
     return peak * math.sin(shape * math.atan(x - min(curvature, 1.0) * (x - math.atan(x))))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _cosine(b, c, e, slip):
     x = b * slip
     return math.cos(c * math.atan(x - e * (x - math.atan(x))))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _weight(b, c, e, slip, shift):
     """Never negative: with c > 1, as published, far slip would turn the other direction's force round."""
     weight = max(_cosine(b, c, e, slip + shift), 0.0)
     return weight if shift == 0.0 else weight / _cosine(b, c, e, shift)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _stiffness(load, lean, t):
     if t["p_ky2"] <= 0.0:
         return t["p_ky1"] * load
@@ -110,7 +111,7 @@ def _stiffness(load, lean, t):
     return t["p_ky1"] * t["nominal_load"] * (1.0 - t["p_ky3"] * abs(lean)) * slope
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _pure_longitudinal(kappa, lean, load, dfz, t):
     """Force and slip stiffness; (4.E9) to (4.E18)."""
     slip = kappa + t["p_hx1"] + t["p_hx2"] * dfz
@@ -122,7 +123,7 @@ def _pure_longitudinal(kappa, lean, load, dfz, t):
     return force + load * (t["p_vx1"] + t["p_vx2"] * dfz), stiffness
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _pure_lateral(alpha, lean, load, dfz, t):
     """Force, cornering stiffness, peak, and the slip angle by which the curve is shifted; (4.E19) to (4.E30)."""
     peak = max(t["p_dy1"] + t["p_dy2"] * dfz, 0.1) * max(1.0 - t["p_dy3"] * lean**2, 0.1) * load
@@ -137,7 +138,7 @@ def _pure_lateral(alpha, lean, load, dfz, t):
     return _sine(stiffness, peak, t["p_cy1"], curvature, slip) + lift, stiffness, peak, shift + lift / stiffness
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _trail(alpha, traction, shift, steepness, lean, load, dfz, t):
     """Pneumatic trail [m] and residual moment [N m] over the cosine of the slip angle; (4.E33) to (4.E49), (4.E71)."""
     moved = alpha + t["q_hz1"] + t["q_hz2"] * dfz + (t["q_hz3"] + t["q_hz4"] * dfz) * lean

@@ -1,12 +1,12 @@
 """Vehicle data: one frozen record per car, presets as TOML files beside this module."""
 
-import math
 import tomllib
 from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.ranges import Range, check
 from sidestep.plant_models.tyres.parameters import TyreParameters
 from sidestep.plant_models.tyres.property_file import read_tyre
 
@@ -33,27 +33,25 @@ class SuspensionParameters:
         steer_delay: Time until the steering actuator hears a command, in [s].
     """
 
-    unsprung_mass_front: float
-    unsprung_mass_rear: float
-    roll_inertia: float
-    pitch_inertia: float
-    spring_front: float
-    spring_rear: float
-    damper_front: float
-    damper_rear: float
-    anti_roll_front: float
-    anti_roll_rear: float
-    track_front: float
-    track_rear: float
-    tyre_stiffness: float
-    wheel_radius: float
-    wheel_spin_inertia: float
-    steer_delay: float = 0.0
+    unsprung_mass_front: Annotated[float, Range(0.01, 1e5, "kg")]
+    unsprung_mass_rear: Annotated[float, Range(0.01, 1e5, "kg")]
+    roll_inertia: Annotated[float, Range(1e-4, 1e8, "kg m²")]
+    pitch_inertia: Annotated[float, Range(1e-4, 1e8, "kg m²")]
+    spring_front: Annotated[float, Range(1.0, 1e9, "N/m")]
+    spring_rear: Annotated[float, Range(1.0, 1e9, "N/m")]
+    damper_front: Annotated[float, Range(0.01, 1e8, "N s/m")]
+    damper_rear: Annotated[float, Range(0.01, 1e8, "N s/m")]
+    anti_roll_front: Annotated[float, Range(0.0, 1e9, "N m/rad")]
+    anti_roll_rear: Annotated[float, Range(0.0, 1e9, "N m/rad")]
+    track_front: Annotated[float, Range(0.05, 20.0, "m")]
+    track_rear: Annotated[float, Range(0.05, 20.0, "m")]
+    tyre_stiffness: Annotated[float, Range(1.0, 1e9, "N/m")]
+    wheel_radius: Annotated[float, Range(0.01, 5.0, "m")]
+    wheel_spin_inertia: Annotated[float, Range(1e-6, 1e4, "kg m²")]
+    steer_delay: Annotated[float, Range(0.0, 0.99, "s")] = 0.0
 
     def __post_init__(self) -> None:
-        _require_positive(self, or_zero=("anti_roll_front", "anti_roll_rear", "steer_delay"))
-        if self.steer_delay >= 1.0:
-            raise InputError("vehicle.suspension.steer_delay", f"{self.steer_delay} s", "0 <= value < 1")
+        check(self, "vehicle.suspension")
 
     def roll_of_axle(self, axle: str) -> tuple[float, float]:
         """Roll stiffness [N m/rad] of springs and anti-roll bar, and roll damping [N m s/rad], of "front" or "rear"."""
@@ -84,30 +82,26 @@ class VehicleParameters:
     """
 
     name: str
-    mass: float
-    yaw_inertia: float
-    l_f: float
-    l_r: float
-    cornering_stiffness_front: float
-    cornering_stiffness_rear: float
-    width: float
-    length: float
-    front_overhang: float
-    cg_height: float
-    steer_limit: float
-    steer_rate_limit: float
-    steer_time_constant: float = 0.05
-    max_braking: float = 8.0
-    max_acceleration: float = 3.0
+    mass: Annotated[float, Range(0.1, 1e6, "kg")]
+    yaw_inertia: Annotated[float, Range(1e-4, 1e8, "kg m²")]
+    l_f: Annotated[float, Range(0.05, 50.0, "m")]
+    l_r: Annotated[float, Range(0.05, 50.0, "m")]
+    cornering_stiffness_front: Annotated[float, Range(1.0, 1e8, "N/rad")]
+    cornering_stiffness_rear: Annotated[float, Range(1.0, 1e8, "N/rad")]
+    width: Annotated[float, Range(0.05, 20.0, "m")]
+    length: Annotated[float, Range(0.1, 100.0, "m")]
+    front_overhang: Annotated[float, Range(0.001, 50.0, "m")]
+    cg_height: Annotated[float, Range(0.001, 10.0, "m")]
+    steer_limit: Annotated[float, Range(0.001, 1.57, "rad")]
+    steer_rate_limit: Annotated[float, Range(0.001, 100.0, "rad/s")]
+    steer_time_constant: Annotated[float, Range(0.0, 0.99, "s")] = 0.05
+    max_braking: Annotated[float, Range(0.01, 100.0, "m/s²")] = 8.0
+    max_acceleration: Annotated[float, Range(0.01, 100.0, "m/s²")] = 3.0
     tyre: TyreParameters = field(default_factory=TyreParameters)
     suspension: SuspensionParameters | None = None
 
     def __post_init__(self) -> None:
-        _require_positive(self, or_zero=("steer_time_constant",))
-        if self.steer_time_constant >= 1.0:
-            raise InputError("vehicle.steer_time_constant", f"{self.steer_time_constant} s", "0 <= value < 1")
-        if self.steer_limit >= math.pi / 2:
-            raise InputError("vehicle.steer_limit", f"{self.steer_limit} rad", "0 < value < pi/2")
+        check(self, "vehicle")
         if self.rear_overhang < 0.0:
             raise InputError(
                 "vehicle.length", f"{self.length} m is shorter than wheelbase and front overhang",
@@ -213,15 +207,3 @@ def _require_known(cls: type, where: str, key: str) -> None:
     names = [f.name for f in fields(cls)]
     if key not in names:
         raise InputError(f"{where}.{key}", "unknown key", ", ".join(names))
-
-
-def _require_positive(record: Any, or_zero: tuple[str, ...]) -> None:
-    table = "vehicle" if isinstance(record, VehicleParameters) else "vehicle.suspension"
-    for f in fields(record):
-        if f.name in ("name", "tyre", "suspension"):
-            continue
-        value, allowed = getattr(record, f.name), ">= 0" if f.name in or_zero else "> 0"
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InputError(f"{table}.{f.name}", f"{value!r} is not a number", f"a number {allowed}")
-        if not math.isfinite(value) or value < 0.0 or (value == 0.0 and f.name not in or_zero):
-            raise InputError(f"{table}.{f.name}", f"{value}", allowed)

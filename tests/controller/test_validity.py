@@ -76,12 +76,38 @@ def test_the_paper_s_angle_bound_follows_its_own_table(file):
     assert paper.problem.x_u == pytest.approx(np.full(40, np.arctan(CAR.wheelbase * 1.5 / 15.0**2)))
 
 
+def changed(**parts: object) -> str:
+    return json.dumps(TABLES | parts)
+
+
+def limits(rows: object) -> str:
+    return changed(max_lateral_acceleration=TABLES["max_lateral_acceleration"] | {"affine": rows})
+
+
 @pytest.mark.parametrize(
-    "text", ["", "{}", json.dumps(TABLES | {"speed": [20.0, 10.0]}), json.dumps(TABLES | {"friction": [1.0]})]
+    ("text", "reason"),
+    [
+        ("", "Expecting value"),
+        ("[]", "indices"),
+        ("{}", "'speed'"),
+        (changed(speed=[20.0, 10.0]), "speeds that do not rise"),
+        (changed(speed=[10.0, 10.0]), "speeds that do not rise"),
+        (changed(speed=[float("nan"), 20.0]), "speeds that do not rise"),
+        (changed(speed=[10.0, float("nan")]), "speeds that do not rise"),
+        (changed(speed=[10.0, float("inf")]), "speeds that do not rise"),
+        (changed(speed=[-10.0, 20.0]), "speeds that do not rise"),
+        (changed(friction=[1.0]), "shape"),
+        (changed(friction=1.0, max_lateral_acceleration={"affine": [4.0, 3.0]}), "shape"),
+        (changed(friction=[1.0, float("nan")]), "friction that is not positive"),
+        (changed(friction=[1.0, 0.0]), "friction that is not positive"),
+        (changed(friction=[1.0, 1.0]), "friction 1 stands in more than one row"),  # the laxer row won
+        (limits([[4.0, -3.0], [2.0, 1.0]]), "negative or no number"),
+        (limits([[4.0, float("nan")], [2.0, 1.0]]), "negative or no number"),
+        (limits([]), "shape"),
+        (changed(friction=1.0, speed=[[10.0, 20.0]], max_lateral_acceleration={"affine": [[4.0, 3.0]]}), "shape"),
+    ],
 )
-def test_a_file_that_is_none_is_refused(tmp_path, text):
+def test_a_file_that_is_none_is_refused(tmp_path, text, reason):
     (tmp_path / "bad.json").write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match=r"controller\.validity"):
-        SteeringController(
-            CAR, ReferencePath.from_segments([Line(9.0)]), [], ControllerConfig(validity=str(tmp_path / "bad.json"))
-        )
+    with pytest.raises(InputError, match=rf"controller\.validity: .*{reason}"):
+        Validity.of(ControllerConfig(validity=str(tmp_path / "bad.json")))

@@ -11,8 +11,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.road.clothoid import Array, curvature_at, point_at
 from sidestep.plant_models.road.widths import widths_at
 from sidestep.plant_models.vehicle.parameters import GRAVITY
@@ -109,7 +109,7 @@ def _poses(path, obstacles, times):
     return poses
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _depth_first(start, speeds, limits, poses, boxes, table, period, car, edges, spacing, steering, layers):
     """The first trajectory through all layers.
 
@@ -161,12 +161,12 @@ def _depth_first(start, speeds, limits, poses, boxes, table, period, car, edges,
     return True, trace
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _curvature_limit(speed, acceleration, steering):
     return min(acceleration / max(speed, 1.0) ** 2, _BUILD_UP * steering)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _advance(trace, at, move, speeds, limits, poses, boxes, table, period, car, edges, spacing, steering):
     """Drive one layer towards a curvature; false as soon as something is touched or the bound would break."""
     s, l, heading, curvature = trace[at]  # noqa: E741
@@ -197,7 +197,7 @@ def _advance(trace, at, move, speeds, limits, poses, boxes, table, period, car, 
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _leaves(l, heading, road, car, edges):  # noqa: E741
     """Whether a corner is over an edge; exact to second order of the road's curvature."""
     c, d = math.cos(heading), math.sin(heading)
@@ -208,7 +208,7 @@ def _leaves(l, heading, road, car, edges):  # noqa: E741
     return False
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _hits(s, l, heading, pose, box, table, period, car):  # noqa: E741
     """Whether the car's rectangle overlaps a box in the world: exact, by separating axes."""
     if abs(pose[3] - s) > box[2] + box[3] + 2.0 * (car[0] + car[1]):

@@ -57,8 +57,8 @@ def obstacle_poses(path: ReferencePath, obstacle: Obstacle, time: Array) -> Arra
 
 def obstacle_boxes(path: ReferencePath, obstacle: Obstacle, time: Array) -> Array:
     """Outline of an obstacle in the world at each time, shape (n, 4, 2), in [m]."""
-    half = obstacle.length / 2.0
-    return boxes(*obstacle_poses(path, obstacle, time), half, half, obstacle.width)
+    x, y, yaw = obstacle_poses(path, obstacle, time)
+    return boxes(x, y, yaw, obstacle.length / 2.0, obstacle.length / 2.0, obstacle.width)
 
 
 def signed_clearance(first: Array, second: Array) -> Array:
@@ -92,7 +92,7 @@ def edge_clearance(path: ReferencePath, corners: Array, s: Array) -> Array:
         s: Stations near the boxes, shape (n,), in [m]: which branch of a road near itself is meant.
     """
     if path.given is not None:
-        near = np.interp(s if not path.closed else np.remainder(s, path.length), path.table[1:, 0], path.nodes)
+        near = path.given_station(s)
         return edges_of(path.given, path.edges).clearance(corners, near)
     station, offset, _ = path.project(corners[..., 0], corners[..., 1], near=s[:, None])
     left, right = path.widths(station)

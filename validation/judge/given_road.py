@@ -1,4 +1,4 @@
-"""The road as its way-points give it: a polyline and its widths, measured by shapely, without the path laid along it."""
+"""The road as its way-points give it: polyline and widths, measured by shapely, without the path laid along it."""
 
 from dataclasses import dataclass
 
@@ -70,7 +70,9 @@ class GivenEdges:
         side = np.sign((b[:, 0] - a[:, 0]) * (p[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (p[:, 0] - a[:, 0]))
         offset = side.reshape(along.shape) * shapely.distance(part, points)
         u = start + along
-        left, right = (np.interp(np.remainder(u, self.period) if self.period else u, self.stations, w) for w in self.widths.T)
+        left, right = (
+            np.interp(np.remainder(u, self.period) if self.period else u, self.stations, w) for w in self.widths.T
+        )
         return np.minimum(left - offset, right + offset).min(axis=1)
 
 

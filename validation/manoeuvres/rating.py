@@ -16,10 +16,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.kernels import kernel
 
 Array = NDArray[np.float64]
 
@@ -126,7 +126,7 @@ def _smooth(values: Array) -> Array:
     return smooth
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def warping_path(a, b, window):
     """Dynamic time warping: the path of least squared distance, within `window` samples of the diagonal.
 

@@ -9,12 +9,12 @@ State [l_s, e_phi, beta, gamma]. All get the realised road-wheel angle: what the
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from sidestep.controller.mpc.car_model import Car
 from sidestep.controller.mpc.prediction import RATE, STATES, TURN, exponential, linearise, model_block
 from sidestep.controller.paper import STEP as PAPER_STEP
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.linear.bicycle import continuous
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
@@ -89,7 +89,7 @@ def _recursion(transition: Array, start: Array, held: Array) -> Array:
     return states
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _affine(start, speed, angles, turn_rate, step, rounds, car):
     windows, steps = angles.shape[0], angles.shape[1] - 1
     result = np.empty((windows, steps, 4))

@@ -4,14 +4,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from msgspec import Meta
-
 from sidestep.plant_models.mujoco.surface import FrictionPatch, HeightField, Surface
+from sidestep.plant_models.ranges import Range
 from sidestep.validation.scenarios.tables import built, checked, file_at
 
-Positive = Annotated[float, Meta(gt=0.0)]
-NotNegative = Annotated[float, Meta(ge=0.0)]
-Factor = Annotated[float, Meta(ge=0.01, le=100.0)]
+Factor = Annotated[float, Range(0.01, 100.0)]
 
 
 @dataclass(frozen=True)
@@ -37,21 +34,21 @@ class PlantSettings:
     """
 
     kind: str = "mujoco"
-    friction: Positive = 1.0
+    friction: Annotated[float, Range(0.001, 10.0)] = 1.0
     tyre: Literal["magic-formula", "contact", "stock-contact"] = "magic-formula"
-    grade: float = 0.0
-    bank: float = 0.0
+    grade: Annotated[float, Range(-1.0, 1.0)] = 0.0
+    bank: Annotated[float, Range(-1.0, 1.0)] = 0.0
     patches: tuple[Any, ...] = ()
     heights: Any = None
     map: str = ""
-    steer_offset: float = 0.0
+    steer_offset: Annotated[float, Range(-1.0, 1.0, "rad")] = 0.0
     mass: Factor = 1.0
     stiffness: Factor = 1.0
-    delay: NotNegative = 0.0
-    noise: NotNegative = 0.0
-    noise_seed: Annotated[int, Meta(ge=0)] = 0
-    measured_offset: float = 0.0
-    isolate: NotNegative = 0.0
+    delay: Annotated[float, Range(0.0, 5.0, "s")] = 0.0
+    noise: Annotated[float, Range(0.0, 1e3)] = 0.0
+    noise_seed: Annotated[int, Range(0, 2**63 - 1)] = 0
+    measured_offset: Annotated[float, Range(-100.0, 100.0, "m")] = 0.0
+    isolate: Annotated[float, Range(0.0, 3600.0, "s")] = 0.0
 
     @property
     def name(self) -> str:
@@ -67,9 +64,9 @@ class PlantSettings:
 @dataclass
 class _Heights:
     path: str
-    spacing: Positive
-    x: float = 0.0
-    y: float = 0.0
+    spacing: Annotated[float, Range(0.001, 1e4, "m")]
+    x: Annotated[float, Range(-1e6, 1e6, "m")] = 0.0
+    y: Annotated[float, Range(-1e6, 1e6, "m")] = 0.0
 
 
 def plant_settings(table: dict[str, Any], folder: Path) -> PlantSettings:

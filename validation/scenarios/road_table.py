@@ -4,9 +4,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
-from msgspec import Meta
-
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.ranges import Range
 from sidestep.plant_models.road.reference_path import ReferencePath
 from sidestep.plant_models.road.segments import Arc, Clothoid, Line
 from sidestep.plant_models.road.widths import Widths
@@ -14,7 +13,7 @@ from sidestep.validation.scenarios.tables import built, checked, file_at, joined
 
 SEGMENTS = {"line": Line, "arc": Arc, "clothoid": Clothoid}
 
-Positive = Annotated[float, Meta(gt=0.0)]
+Width = Annotated[float, Range(0.01, 1e3, "m")]
 
 
 @dataclass
@@ -31,12 +30,12 @@ class RoadTable:
             strays by 0.1 m at most, and is smoothed only where a spline would stray further.
     """
 
-    width_left: Positive | None = None
-    width_right: Positive | None = None
+    width_left: Width | None = None
+    width_right: Width | None = None
     segments: list[Any] = field(default_factory=list)
     waypoints: str = ""
     closed: bool | None = None
-    smooth: Positive | None = None
+    smooth: Annotated[float, Range(0.01, 100.0, "m")] | None = None
 
 
 def road_path(table: dict[str, Any], folder: Path) -> ReferencePath:

@@ -13,6 +13,7 @@ from msgspec import Meta
 from sidestep.controller import ControllerConfig
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
+from sidestep.plant_models.ranges import Range
 from sidestep.plant_models.road.reference_path import ReferencePath
 from sidestep.plant_models.signals import VehicleState
 from sidestep.plant_models.tyres.property_file import read_tyre
@@ -26,7 +27,7 @@ from sidestep.validation.scenarios.traffic import obstacle, placed
 
 _BUILT_IN = Path(__file__).parent / "built_in"
 
-Positive = Annotated[float, Meta(gt=0.0)]
+Speed = Annotated[float, Range(0.01, 150.0, "m/s")]
 
 
 @dataclass(frozen=True)
@@ -69,8 +70,8 @@ class Scenario:
 @dataclass
 class _File:
     name: Annotated[str, Meta(pattern=r"^[\w.-]+$")]
-    speed: Positive
-    duration: Positive
+    speed: Speed
+    duration: Annotated[float, Range(0.001, 1e5, "s")]
     road: dict[str, Any]
     description: str = ""
     start: dict[str, Any] = field(default_factory=dict)
@@ -93,12 +94,12 @@ class StartTable:
         yaw_rate: In [rad/s].
     """
 
-    s: float = 0.0
-    l: float = 0.0  # noqa: E741 (the paper's letter)
-    heading: float = 0.0
-    speed: Annotated[float, Meta(ge=0.0)] | None = None
-    sideslip: Annotated[float, Meta(ge=-1.5, le=1.5)] = 0.0
-    yaw_rate: float = 0.0
+    s: Annotated[float, Range(-1e6, 1e6, "m")] = 0.0
+    l: Annotated[float, Range(-1e3, 1e3, "m")] = 0.0  # noqa: E741 (the paper's letter)
+    heading: Annotated[float, Range(-100.0, 100.0, "rad")] = 0.0
+    speed: Annotated[float, Range(0.0, 150.0, "m/s")] | None = None
+    sideslip: Annotated[float, Range(-1.5, 1.5, "rad")] = 0.0
+    yaw_rate: Annotated[float, Range(-10.0, 10.0, "rad/s")] = 0.0
 
 
 def built_in_scenarios() -> tuple[str, ...]:
@@ -179,6 +180,7 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
     start = StartTable(**checked(StartTable, top.start, "start"))
     path = road_path(top.road, file.parent)
     preset, config = _controller(top.controller, path, top.speed)
+    obstacles = (obstacle(values, f"obstacles[{i}]", path, file.parent) for i, values in enumerate(top.obstacles))
     x, y, yaw = placed(path, start.s, start.l, start.heading)
     speed = top.speed if start.speed is None else start.speed
     v_x, v_y = speed * math.cos(start.sideslip), speed * math.sin(start.sideslip)
@@ -188,7 +190,7 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
         duration=top.duration,
         path=path,
         start=VehicleState(0.0, x, y, yaw, v_x, v_y, start.yaw_rate),
-        obstacles=tuple(obstacle(values, f"obstacles[{i}]", path, file.parent) for i, values in enumerate(top.obstacles)),
+        obstacles=tuple(obstacles),
         goal=goal(top.goal, path),
         vehicle=_vehicle(top.vehicle, file.parent),
         controller=config,

@@ -1,4 +1,4 @@
-"""Obstacles of a scenario file: boxes in the road frame or in the world, standing, at constant speed, on trajectories."""
+"""Obstacles of a scenario file: boxes that stand, go at constant speed along the road, or follow a trajectory."""
 
 import math
 from dataclasses import dataclass, field
@@ -6,15 +6,16 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from msgspec import Meta
 
 from sidestep.plant_models.errors import InputError
-from sidestep.plant_models.obstacle import Obstacle
+from sidestep.plant_models.obstacle import FOREVER, Obstacle
+from sidestep.plant_models.ranges import Range
 from sidestep.plant_models.road.reference_path import ReferencePath
 from sidestep.plant_models.trajectory import Array, Trajectory
 from sidestep.validation.scenarios.tables import built, checked, file_at
 
-Positive = Annotated[float, Meta(gt=0.0)]
+Size = Annotated[float, Range(0.001, 1e4, "m")]
+Time = Annotated[float, Range(-FOREVER, FOREVER, "s")]
 
 
 @dataclass
@@ -56,15 +57,15 @@ class ObstacleTable:
         note: What the box stands for, such as the outline that it bounds.
     """
 
-    length: Positive
-    width: Positive
-    s: float | None = None
-    l: float | None = None  # noqa: E741
-    heading: float = 0.0
-    speed: float = 0.0
-    height: Positive = 1.5
-    appears: float = 0.0
-    vanishes: float = 1e9
+    length: Size
+    width: Size
+    s: Annotated[float, Range(-1e6, 1e6, "m")] | None = None
+    l: Annotated[float, Range(-1e4, 1e4, "m")] | None = None  # noqa: E741
+    heading: Annotated[float, Range(-100.0, 100.0, "rad")] = 0.0
+    speed: Annotated[float, Range(-150.0, 150.0, "m/s")] = 0.0
+    height: Annotated[float, Range(0.001, 100.0, "m")] = 1.5
+    appears: Time = 0.0
+    vanishes: Time = FOREVER
     trajectory: dict[str, Any] | None = None
     note: str = ""
 
@@ -96,18 +97,20 @@ def obstacle(table: Any, where: str, path: ReferencePath, folder: Path) -> Obsta
     Raises:
         InputError: With the dotted key.
     """
+    for key in ("s", "l"):
+        if isinstance(table, dict) and key not in table and "trajectory" not in table:
+            raise InputError(f"{where}.{key}", "missing")
     row = ObstacleTable(**checked(ObstacleTable, table, where))
-    vanishes = math.inf if row.vanishes >= 1e9 else row.vanishes
     if row.trajectory is not None:
         for key in ("s", "l", "heading", "speed"):
             if key in table:
                 raise InputError(f"{where}.{key}", "is given together with a trajectory", "one of them")
         motion = _trajectory(row.trajectory, f"{where}.trajectory", path, folder)
-        return Obstacle.along(motion, row.length, row.width, row.height, row.appears, vanishes)
-    if row.s is None or row.l is None:
-        raise InputError(f"{where}.{'s' if row.s is None else 'l'}", "missing")
+        return Obstacle.along(motion, row.length, row.width, row.height, row.appears, row.vanishes)
+    assert row.s is not None
+    assert row.l is not None
     s, l, heading = on_path(path, row.s, row.l, row.heading)  # noqa: E741
-    values = {"s": s, "l": l, "heading": heading, "speed": row.speed, "height": row.height, "vanishes": vanishes}
+    values = {"s": s, "l": l, "heading": heading, "speed": row.speed, "height": row.height, "vanishes": row.vanishes}
     return built(Obstacle, {"length": row.length, "width": row.width, "appears": row.appears, **values}, where)
 
 
@@ -143,7 +146,7 @@ def _in_world(path: ReferencePath, s: Array, l: Array, heading: Array) -> tuple[
     return x, y, yaw if len(heading) else np.empty(0)
 
 
-def _direction(first: Array, second: Array, still: float | None = None) -> Array:
+def _direction(first: Array, second: Array, still: Annotated[float, Range(-1e4, 1e4, "m")] | None = None) -> Array:
     """Of the motion; that before and after where it stands, `still` (or 0) where it never moves."""
     if len(first) < 2:
         return np.full(len(first), still or 0.0)

@@ -162,7 +162,7 @@ def test_files_that_are_none(tir, tmp_path):
 
 def test_vehicle_files_and_scenarios_name_a_tyre_file(tir, tmp_path):
     tir()
-    preset = files("sidestep.plant_models") / "vehicles" / "bmw-320i.toml"
+    preset = files("sidestep.plant_models") / "vehicle" / "presets" / "bmw-320i.toml"
     car = tmp_path / "car.toml"
     car.write_text('tyre_file = "tyre.tir"\n' + preset.read_text().replace("nominal_load = 2681.3", "p_dy1 = 0.7"))
     tyre = VehicleParameters.from_file(car).tyre

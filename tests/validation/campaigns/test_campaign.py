@@ -148,7 +148,7 @@ def test_a_killed_campaign_goes_on_to_the_same_rows(tmp_path):
     file = tmp_path / "killed.jsonl"
     script = "import sys, campaign_work; campaign_work.go_on(*sys.argv[1:])"
     for moment in np.random.default_rng(0).uniform(0.0, 0.15, 2):
-        process = subprocess.Popen([sys.executable, "-c", script, str(tmp_path), str(file)], cwd=Path(__file__).parent)
+        process = subprocess.Popen([sys.executable, "-c", script, str(tmp_path), str(file)], cwd=ROOT / "tests")
         before = len(read_journal(file)[1]) if file.exists() else 0
         while process.poll() is None and (not file.exists() or file.read_bytes().count(b"\n") <= before + 1):
             time.sleep(0.002)
@@ -198,6 +198,45 @@ def test_a_journal_belongs_to_one_specification_and_one_process(tmp_path):
             load_rows(file)
     with pytest.raises(InputError, match="cannot be read"):
         load_rows(tmp_path / "no.jsonl")
+
+
+def forged(key: str, value: object):
+    return lambda rows: [*rows[:-1], {**rows[-1], key: value}]
+
+
+@pytest.mark.parametrize(
+    ("forge", "reason"),
+    [
+        (lambda rows: [*rows, rows[1]], "line 10: row 1: is there twice"),
+        (lambda rows: [*rows[:-1], {**rows[0], "row": 8}], r"row 8: is none of the campaign's 8 \(0 to 7\)"),
+        (forged("row", -1), "row -1: is none of"),
+        (forged("row", "7"), r"line 9: is no row of a campaign \(Expected `int`, got `str` - at `\$.row`"),
+        (forged("row", 6), "line 9: row 6: is there twice"),
+        (forged("seed", 1), r"row 7: has seed 1, not \d+"),
+        (forged("values", {}), "row 7: was run with controller.tyre_model = None, not affine"),
+        (lambda rows: [{**rows[0], "values": rows[0]["values"] | {"speed": 1.0}}], "row 0: was run with speed = 1.0"),
+        (forged("margin_m", -0.1), "row 7: says that it passed, with margin_m -0.1"),
+        (forged("error", "PlantError: fell over"), "row 7: says that it passed, with error 'PlantError: fell over'"),
+        (forged("margin_m", float("nan")), "row 7: has a margin_m of nan"),
+        (forged("passed", 1), "line 9: is no row of a campaign"),
+        (lambda rows: [{"row": 0}], "line 2: is no row of a campaign"),
+    ],
+)
+def test_rows_that_the_campaign_did_not_run_are_refused(tmp_path, forge, reason):
+    """They counted as runs: a journal of four runs and a failure became a pass of seven."""
+    spec, file = replace(campaign(tmp_path), runs=8), tmp_path / "c.jsonl"
+    rows = [{**fake(case), "passed": True, "label": "ok", "margin_m": 0.3} for case in cases(spec)]
+    run_campaign(spec, file, 1, work=fake)
+    head = file.read_text().splitlines()[0]
+    file.write_text("\n".join([head, *map(json.dumps, rows), ""]))
+    assert len(load_rows(file)[1]) == 8
+    before = "\n".join([head, *map(json.dumps, forge(rows)), ""])
+    file.write_text(before)
+    with pytest.raises(InputError, match=reason):
+        run_campaign(spec, file, 1, work=fake)
+    with pytest.raises(InputError, match=reason):
+        load_rows(file)
+    assert file.read_text() == before
 
 
 def test_a_process_that_dies_is_a_row(tmp_path):
@@ -400,7 +439,7 @@ def test_ctrl_c_keeps_what_is_done(tmp_path):
     spec, file = campaign(tmp_path), tmp_path / "c.jsonl"
     script = "import sys, campaign_work; campaign_work.go_on(*sys.argv[1:])"
     process = subprocess.Popen(
-        [sys.executable, "-c", script, str(tmp_path), str(file)], cwd=Path(__file__).parent, stderr=subprocess.PIPE
+        [sys.executable, "-c", script, str(tmp_path), str(file)], cwd=ROOT / "tests", stderr=subprocess.PIPE
     )
     while process.poll() is None and (not file.exists() or file.read_bytes().count(b"\n") < 3):
         time.sleep(0.002)

@@ -15,13 +15,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 from sidestep.validation.loop.open_loop import PERIOD, Response
 from sidestep.validation.manoeuvres.catalogue import Manoeuvre, RandomSteer
@@ -189,7 +189,7 @@ def _respond(car: Array, drive: Response, vehicle: VehicleParameters, signals: S
     return np.column_stack([answers[name] for name in signals])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _recursion(transition, steer, v_y, yaw_rate):
     lateral, rate = np.empty(steer.shape[0]), np.empty(steer.shape[0])
     lateral[0], rate[0] = v_y, yaw_rate
