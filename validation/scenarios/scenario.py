@@ -21,6 +21,7 @@ from sidestep.plant_models.vehicle.parameters import VehicleParameters
 from sidestep.validation.judge.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
 from sidestep.validation.scenarios.goal import Goal, goal
 from sidestep.validation.scenarios.plant_settings import PlantSettings, plant_settings
+from sidestep.validation.scenarios.readers.formats import ENDINGS, read_foreign, to_toml
 from sidestep.validation.scenarios.road_table import road_path
 from sidestep.validation.scenarios.tables import checked, did_you_mean, file_at, override
 from sidestep.validation.scenarios.traffic import obstacle, placed
@@ -47,6 +48,7 @@ class Scenario:
         description: One line for lists.
         plant: Which plant.
         goal: Where, when and how it ends before its time; None for nowhere.
+        notes: What was put right, smoothed, assumed or left out on the way from the file to this.
         tables: The file's tables after the overrides: what makes the same run again.
         folder: From which the files in them are found.
     """
@@ -63,6 +65,7 @@ class Scenario:
     description: str = ""
     plant: PlantSettings = field(default_factory=PlantSettings)
     goal: Goal | None = None
+    notes: tuple[str, ...] = ()
     tables: dict[str, Any] = field(default_factory=dict, compare=False)
     folder: Path = field(default=Path(), compare=False)
 
@@ -111,12 +114,17 @@ def load_scenario(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Sc
     """Read a scenario.
 
     Args:
-        name_or_path: One of `built_in_scenarios()`, or a TOML file.
+        name_or_path: One of `built_in_scenarios()`, a TOML file, a CommonRoad .xml or an OpenSCENARIO .xosc file.
         overrides: `key=value` with dotted keys, as given to `--set`.
 
     Raises:
         InputError: With file, dotted key and what is allowed.
     """
+    if (foreign := Path(name_or_path)).suffix.lower() in ENDINGS and foreign.is_file():
+        imported = read_foreign(foreign)
+        for change in overrides:
+            override(imported.tables, change)
+        return scenario_from_tables(imported.tables, str(name_or_path), foreign, imported.notes)
     file, text = read_scenario(name_or_path)
     return parse_scenario(text, str(name_or_path), overrides, file)
 
@@ -125,7 +133,7 @@ def read_scenario(name_or_path: str | Path, folder: Path = Path()) -> tuple[Path
     """File and text of a scenario; a built-in one stands as if in `folder`, for the files that overrides name.
 
     Args:
-        name_or_path: One of `built_in_scenarios()`, or a TOML file.
+        name_or_path: One of `built_in_scenarios()`, a TOML file, a CommonRoad .xml or an OpenSCENARIO .xosc file.
         folder: From which the file is found.
 
     Raises:
@@ -137,7 +145,10 @@ def read_scenario(name_or_path: str | Path, folder: Path = Path()) -> tuple[Path
     file = folder / name
     if not file.is_file():
         problem = f"no built-in scenario and no file {name!r}{did_you_mean(name, known)}"
-        raise InputError("scenario", problem, f"{', '.join(known)}, or a TOML file")
+        raise InputError("scenario", problem, f"{', '.join(known)}, or a TOML, .xml or .xosc file")
+    if file.suffix.lower() in ENDINGS:
+        imported = read_foreign(file)
+        return file, to_toml(imported.tables, imported.notes)
     try:
         return file, file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
@@ -167,10 +178,11 @@ def parse_scenario(
     return scenario_from_tables(tables, label, file)
 
 
-def scenario_from_tables(tables: dict[str, Any], label: str, file: Path) -> Scenario:
+def scenario_from_tables(tables: dict[str, Any], label: str, file: Path, notes: Sequence[str] = ()) -> Scenario:
     """A scenario from the tables of its file, overrides included; see `parse_scenario`."""
     try:
-        return _scenario(tables, file)
+        scenario = _scenario(tables, file)
+        return replace(scenario, notes=(*notes, *scenario.path.notes))
     except InputError as error:
         raise InputError(f"{label}: {error.where}", error.problem, error.allowed) from error
 
