@@ -36,6 +36,7 @@ def summarise(scenario: Scenario, recording: Recording, judgement: Judgement, **
         "verdict": "pass" if judgement.passed else "fail",
         "label": judgement.label,
         "end": recording.end.value,
+        "notes": list(scenario.notes),
         "error": f"{type(recording.error).__name__}: {recording.error}" if recording.error else None,
         "duration_s": duration,
         "min_clearance_m": judgement.min_clearance,

@@ -9,7 +9,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from sidestep.plant_models.road.reference_path import ReferencePath
-from sidestep.validation.judge.geometry import Array, car_boxes, obstacle_boxes
+from sidestep.validation.judge.geometry import Array, car_boxes, obstacle_boxes, obstacle_poses
 from sidestep.validation.judge.verdict import Judgement
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.report.style import BLUE, GREEN, INK, ORANGE, PAPER, PURPLE, RED, ROAD, legend, styled
@@ -38,6 +38,25 @@ def top_view(scenario: Scenario, recording: Recording, judgement: Judgement) -> 
         _whole_run(axes[0], scenario, recording, judgement, views[0])
         if plan is not None:
             _one_plan(axes[1], scenario, recording, plan, views[1])
+    return figure
+
+
+def scene_view(scenario: Scenario) -> Figure:
+    """What is to be driven: road, obstacles where they are at the start, with the ways that they go, and the car."""
+    path, start = scenario.path, scenario.start
+    view = 0.0, path.length
+    with styled():
+        figure, (axes,) = stacked_axes(path, [view])
+        draw_road(axes, scenario, view, 0.0)
+        times = np.arange(0.0, scenario.duration + 0.1, 0.1)
+        for obstacle in scenario.obstacles:
+            there = obstacle.is_there(times)
+            if obstacle.moves and there.any():
+                x, y, _ = obstacle_poses(path, obstacle, times[there])
+                axes.plot(x, y, color=RED, linewidth=0.8, alpha=0.6)
+        car = car_boxes(scenario.vehicle, start.x, start.y, start.yaw)
+        axes.add_collection(PolyCollection(list(car), facecolor=BLUE, edgecolor=BLUE, zorder=3), autolim=False)
+        axes.set_title(f"{scenario.name}: {scenario.speed:.1f} m/s, {scenario.duration:.1f} s", loc="left")
     return figure
 
 

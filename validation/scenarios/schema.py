@@ -1,0 +1,3 @@
+def schema():
+    """Placeholder until written below."""
+    return {}
