@@ -11,7 +11,11 @@ from sidestep.plant_models.road.clothoid import MAX_CURVATURE, MAX_LENGTH, SPACI
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A straight piece of road; length in [m]."""
+    """A straight piece of road.
+
+    Attributes:
+        length: In [m], up to 1e6.
+    """
 
     length: float
 
@@ -21,7 +25,12 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Arc:
-    """A circular piece of road; length in [m], curvature in [1/m], positive to the left."""
+    """A circular piece of road.
+
+    Attributes:
+        length: In [m], up to 1e6.
+        curvature: In [1/m], positive to the left, up to 1.
+    """
 
     length: float
     curvature: float
@@ -32,7 +41,12 @@ class Arc:
 
 @dataclass(frozen=True, slots=True)
 class Clothoid:
-    """A piece of road whose curvature [1/m] changes linearly with arc length; length in [m]."""
+    """A piece of road whose curvature changes linearly with arc length.
+
+    Attributes:
+        length: In [m], up to 1e6.
+        curvature_start, curvature_end: In [1/m], positive to the left, up to 1.
+    """
 
     length: float
     curvature_start: float

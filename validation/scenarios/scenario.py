@@ -71,7 +71,23 @@ class Scenario:
 
 
 @dataclass
-class _File:
+class ScenarioTables:
+    """A scenario file: one drive.
+
+    Attributes:
+        name: Used for the names of output folders; letters, digits, `_`, `.`, `-`. The file's own if not given.
+        speed: To be held, in [m/s].
+        duration: Simulated time at most, in [s].
+        road: Table, see `road`.
+        description: One line for lists.
+        start: Table, see `start`.
+        obstacles: List of tables, see `obstacles[]`.
+        vehicle: Table, see `vehicle`.
+        controller: Table, see `controller`.
+        plant: Table, see `plant`.
+        goal: Table, see `goal`.
+    """
+
     name: Annotated[str, Meta(pattern=r"^[\w.-]+$")]
     speed: Speed
     duration: Annotated[float, Range(0.001, 1e5, "s")]
@@ -121,12 +137,21 @@ def load_scenario(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Sc
         InputError: With file, dotted key and what is allowed.
     """
     if (foreign := Path(name_or_path)).suffix.lower() in ENDINGS and foreign.is_file():
-        imported = read_foreign(foreign)
+        own = {key: value for change in overrides for key, value in _parameter(change)}
+        imported = read_foreign(foreign, own)
         for change in overrides:
-            override(imported.tables, change)
+            if not _parameter(change):
+                override(imported.tables, change)
         return scenario_from_tables(imported.tables, str(name_or_path), foreign, imported.notes)
     file, text = read_scenario(name_or_path)
     return parse_scenario(text, str(name_or_path), overrides, file)
+
+
+def _parameter(change: str) -> list[tuple[str, str]]:
+    """Name and value of an override `parameters.NAME=VALUE`; empty if it is another one."""
+    key, separator, value = change.partition("=")
+    prefix, dot, name = key.strip().partition(".")
+    return [(name, value.strip())] if separator and dot and prefix == "parameters" else []
 
 
 def read_scenario(name_or_path: str | Path, folder: Path = Path()) -> tuple[Path, str]:
@@ -188,7 +213,7 @@ def scenario_from_tables(tables: dict[str, Any], label: str, file: Path, notes: 
 
 
 def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
-    top = _File(**checked(_File, {"name": file.stem, **tables}))
+    top = ScenarioTables(**checked(ScenarioTables, {"name": file.stem, **tables}))
     start = StartTable(**checked(StartTable, top.start, "start"))
     path = road_path(top.road, file.parent)
     preset, config = _controller(top.controller, path, top.speed)

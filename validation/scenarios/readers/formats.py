@@ -1,31 +1,37 @@
 """Foreign scenario files by their ending, and scenario files written from what they hold."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.scenarios.readers.commonroad import read_commonroad
 from sidestep.validation.scenarios.readers.imported import Imported
+from sidestep.validation.scenarios.readers.openscenario import read_openscenario
 from sidestep.validation.scenarios.readers.safe_xml import read_xml
 
 ENDINGS = (".xml", ".xosc")
 """Of files that `read_foreign` takes."""
 
 
-def read_foreign(file: Path) -> Imported:
+def read_foreign(file: Path, parameters: Mapping[str, str] | None = None) -> Imported:
     """The scenario of a CommonRoad (.xml) or OpenSCENARIO (.xosc) file.
+
+    Args:
+        file: To read.
+        parameters: Values of an OpenSCENARIO file's parameters, instead of its own.
 
     Raises:
         InputError: Neither, or it asks for what would change the outcome and cannot be done.
     """
     root = read_xml(file)
     if root.tag == "commonRoad":
+        if parameters:
+            raise InputError("parameters", "a CommonRoad file has none")
         return read_commonroad(root, file)
     if root.tag == "OpenSCENARIO":
-        from sidestep.validation.scenarios.readers.openscenario import read_openscenario
-
-        return read_openscenario(root, file)
+        return read_openscenario(root, file, parameters)
     raise InputError(str(file), f"its root element is {root.tag!r}", "commonRoad, OpenSCENARIO")
 
 

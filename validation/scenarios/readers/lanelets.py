@@ -170,17 +170,13 @@ def _edge(lanes: Map, row: Row, side: str, oncoming: bool) -> shapely.LineString
         while key not in seen:
             seen.add(key)
             lane = lanes[key]
-            neighbour = (
-                getattr(lane, f"{side}_of") if same else getattr(lane, "right_of" if side == "left" else "left_of")
-            )
+            neighbour = getattr(lane, f"{side if same else other}_of")
             if neighbour is None or neighbour[0] not in lanes or lanes[neighbour[0]].type in _NOT_FOR_CARS:
                 break
             key, same = neighbour[0], same == neighbour[1]
             if not same and not oncoming:
                 break
-            bound = (
-                getattr(lanes[key], side) if same else getattr(lanes[key], "right" if side == "left" else "left")[::-1]
-            )
+            bound = getattr(lanes[key], side) if same else getattr(lanes[key], other)[::-1]
         bounds.append(bound)
     middle = shapely.LineString(lanes[row[0]].centre)
     return shapely.LineString(max(bounds, key=lambda bound: middle.distance(shapely.Point(bound[len(bound) // 2]))))
