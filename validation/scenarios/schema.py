@@ -20,6 +20,7 @@ from sidestep.validation.scenarios.scenario import ScenarioTables, StartTable
 from sidestep.validation.scenarios.traffic import ObstacleTable, TrajectoryTable
 
 _PARTIAL = "that of the preset"
+_OF_FILE = "the file's"
 _TYRE = "Coefficient of the tyre law, named as in a property file."
 
 
@@ -121,6 +122,8 @@ def _table(
         default = f.default
         if f.default_factory is not MISSING:
             default = f.default_factory()
+        if cls is ScenarioTables and f.name == "name":
+            default = _OF_FILE
         given = _PARTIAL if partial else "required" if default is MISSING else _toml(default)
         keys.append(
             Key(f.name, hints[f.name], given, texts.get(f.name, _TYRE) if cls is TyreParameters else texts[f.name])
@@ -213,7 +216,7 @@ def _toml(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
-        return f'"{value}"'
+        return value if value == _OF_FILE else f'"{value}"'
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_toml(inner) for inner in value) + "]"
     return "{}" if isinstance(value, dict) else f"{value:g}" if isinstance(value, float) else str(value)
