@@ -1,17 +1,15 @@
-"""Actions of OpenSCENARIO on entities, and the positions that they name."""
+"""Actions of OpenSCENARIO on entities."""
 
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.scenarios.readers.entities import SHAPES, Entity, Path, Transition, transition
+from sidestep.validation.scenarios.readers.positions import beside, lane_of, other_entity, place
 from sidestep.validation.scenarios.readers.safe_xml import number
-
-if TYPE_CHECKING:
-    from sidestep.validation.scenarios.readers.storyboard import Scene
+from sidestep.validation.scenarios.readers.scene import Scene
 
 _HARMLESS = {
     "ControllerAction",
@@ -23,7 +21,7 @@ _HARMLESS = {
 _KNOWN = "Teleport, Speed, LaneChange, LaneOffset, LongitudinalDistance, FollowTrajectory"
 
 
-def act(action: ET.Element, actors: list[str], scene: "Scene") -> list[Callable[[], bool]]:
+def act(action: ET.Element, actors: list[str], scene: Scene) -> list[Callable[[], bool]]:
     """Begin an action for its actors; what tells, for each, whether it is over.
 
     Raises:
@@ -39,7 +37,7 @@ def act(action: ET.Element, actors: list[str], scene: "Scene") -> list[Callable[
     return [_begin(private[0], scene.entities.get(name), name, scene) for name in actors]
 
 
-def _begin(kind: ET.Element, entity: Entity | None, name: str, scene: "Scene") -> Callable[[], bool]:
+def _begin(kind: ET.Element, entity: Entity | None, name: str, scene: Scene) -> Callable[[], bool]:
     if entity is None:
         raise InputError(f"{scene.where}: entityRef", f"{name!r} is not declared", ", ".join(scene.entities))
     if kind.tag in _HARMLESS:
@@ -56,12 +54,12 @@ def _begin(kind: ET.Element, entity: Entity | None, name: str, scene: "Scene") -
     return _ACTIONS[inner.tag](inner, entity, scene)
 
 
-def _teleport(action: ET.Element, entity: Entity, scene: "Scene") -> Callable[[], bool]:
+def _teleport(action: ET.Element, entity: Entity, scene: Scene) -> Callable[[], bool]:
     position = action.find("Position")
     if position is None or len(position) == 0:
         raise InputError(f"{scene.where}: TeleportAction", "has no position")
     s, t, heading = place(position, scene)
-    entity.lane = _lane_of(position[0], s, t, scene)
+    entity.lane = lane_of(position[0], s, t, scene)
     entity.s, entity.offset = s, 0.0
     entity.offset = t - scene.road.centre(entity.lane, s)
     against = 0.0 if scene.road.road.direction(entity.lane) > 0 else math.pi
@@ -69,82 +67,7 @@ def _teleport(action: ET.Element, entity: Entity, scene: "Scene") -> Callable[[]
     return lambda: True
 
 
-def _lane_of(position: ET.Element, s: float, t: float, scene: "Scene") -> int:
-    if position.tag == "LanePosition":
-        return int(number(position.get("laneId"), scene.where))
-    if position.tag == "RelativeLanePosition":
-        other = _other(position, scene)
-        return _beside(other.lane, int(number(position.get("dLane"), scene.where)))
-    return scene.road.road.lane_of(min(max(s, 0.0), scene.road.road.length), t)
-
-
-def _beside(lane: int, by: int) -> int:
-    """The lane a number of lanes further to the left; there is no lane 0."""
-    other = lane + by
-    return other + (1 if by > 0 else -1) if (other == 0 or (other > 0) != (lane > 0)) and by else other
-
-
-def _other(element: ET.Element, scene: "Scene") -> Entity:
-    name = element.get("entityRef", "")
-    if name not in scene.entities or not scene.entities[name].placed:
-        raise InputError(f"{scene.where}: entityRef", f"{name!r} is not in the scene", ", ".join(scene.entities))
-    return scene.entities[name]
-
-
-def place(position: ET.Element, scene: "Scene") -> tuple[float, float, float | None]:
-    """S and t of a position, and the heading relative to the road if it gives one.
-
-    Raises:
-        InputError: Another road, or a kind of position that is not known here.
-    """
-    kind, where = position[0], f"{scene.where}: {position[0].tag}"
-    if kind.get("roadId") not in (None, scene.road.road.id):
-        raise InputError(
-            f"{where} roadId", f"{kind.get('roadId')!r}: only the road of the car is looked at", scene.road.road.id
-        )
-
-    def of(name: str) -> float:
-        return number(kind.get(name) or "0", f"{where} {name}")
-
-    match kind.tag:
-        case "LanePosition":
-            s = of("s")
-            t = scene.road.centre(int(of("laneId")), s) + of("offset")
-        case "RelativeLanePosition":
-            other = _other(kind, scene)
-            s = other.s + of("ds") + of("dsLane")
-            t = scene.road.centre(_beside(other.lane, int(of("dLane"))), s) + of("offset")
-        case "RoadPosition":
-            s, t = of("s"), of("t")
-        case "RelativeRoadPosition":
-            other = _other(kind, scene)
-            s, t = other.s + of("ds"), other.t(scene.road) + of("dt")
-        case "WorldPosition":
-            s, t = scene.road.road.locate(of("x"), of("y"))
-            if kind.get("h"):
-                return s, t, of("h") - scene.road.pose(s, t)[2]
-        case "RelativeObjectPosition" | "RelativeWorldPosition":
-            x, y, yaw = _other(kind, scene).pose(scene.road)
-            turn = yaw if kind.tag == "RelativeObjectPosition" else 0.0
-            c, d = math.cos(turn), math.sin(turn)
-            s, t = scene.road.road.locate(x + c * of("dx") - d * of("dy"), y + d * of("dx") + c * of("dy"))
-        case _:
-            raise InputError(
-                where,
-                "is not known here",
-                "Lane, RelativeLane, Road, RelativeRoad, World, RelativeObject, RelativeWorld",
-            )
-    return s, t, _heading(kind.find("Orientation"), s, t, scene)
-
-
-def _heading(orientation: ET.Element | None, s: float, t: float, scene: "Scene") -> float | None:
-    if orientation is None or orientation.get("h") is None:
-        return None
-    heading = number(orientation.get("h"), f"{scene.where}: Orientation")
-    return heading if orientation.get("type") == "relative" else heading - scene.road.pose(s, t)[2]
-
-
-def _dynamics(element: ET.Element | None, scene: "Scene") -> tuple[str, str, float]:
+def _dynamics(element: ET.Element | None, scene: Scene) -> tuple[str, str, float]:
     if element is None:
         raise InputError(scene.where, "an action has no dynamics")
     shape = element.get("dynamicsShape", "linear")
@@ -153,14 +76,14 @@ def _dynamics(element: ET.Element | None, scene: "Scene") -> tuple[str, str, flo
     return shape, element.get("dynamicsDimension", "time"), number(element.get("value") or "0", scene.where)
 
 
-def _speed(action: ET.Element, entity: Entity, scene: "Scene") -> Callable[[], bool]:
+def _speed(action: ET.Element, entity: Entity, scene: Scene) -> Callable[[], bool]:
     absolute, relative = (action.find(f"SpeedActionTarget/{kind}TargetSpeed") for kind in ("Absolute", "Relative"))
     if absolute is not None:
         target = number(absolute.get("value"), f"{scene.where}: speed")
     elif relative is not None:
         if relative.get("continuous") == "true":
             raise InputError(f"{scene.where}: RelativeTargetSpeed", "is continuous", 'continuous="false"')
-        other, value = _other(relative, scene), number(relative.get("value"), f"{scene.where}: speed")
+        other, value = other_entity(relative, scene), number(relative.get("value"), f"{scene.where}: speed")
         target = other.speed * value if relative.get("speedTargetValueType") == "factor" else other.speed + value
     else:
         raise InputError(f"{scene.where}: SpeedAction", "has no target")
@@ -181,11 +104,11 @@ def _shift(entity: Entity, change: Transition) -> Callable[[], bool]:
     return lambda: entity.lateral is not change
 
 
-def _lane_change(action: ET.Element, entity: Entity, scene: "Scene") -> Callable[[], bool]:
+def _lane_change(action: ET.Element, entity: Entity, scene: Scene) -> Callable[[], bool]:
     relative, absolute = (action.find(f"LaneChangeTarget/{kind}TargetLane") for kind in ("Relative", "Absolute"))
     if relative is not None:
-        other, by = _other(relative, scene), int(number(relative.get("value"), scene.where))
-        lane = _beside(other.lane, by * scene.road.road.direction(other.lane))  # counted to the left of that car
+        other, by = other_entity(relative, scene), int(number(relative.get("value"), scene.where))
+        lane = beside(other.lane, by * scene.road.road.direction(other.lane))  # counted to the left of that car
     elif absolute is not None:
         lane = int(number(absolute.get("value"), scene.where))
     else:
@@ -195,13 +118,13 @@ def _lane_change(action: ET.Element, entity: Entity, scene: "Scene") -> Callable
     return _shift(entity, transition(entity.offset, end, *_dynamics(action.find("LaneChangeActionDynamics"), scene)))
 
 
-def _lane_offset(action: ET.Element, entity: Entity, scene: "Scene") -> Callable[[], bool]:
+def _lane_offset(action: ET.Element, entity: Entity, scene: Scene) -> Callable[[], bool]:
     if action.get("continuous") == "true":
         raise InputError(f"{scene.where}: LaneOffsetAction", "is continuous", 'continuous="false"')
     relative, absolute = (action.find(f"LaneOffsetTarget/{kind}TargetLaneOffset") for kind in ("Relative", "Absolute"))
     dynamics, end = action.find("LaneOffsetActionDynamics"), 0.0
     if relative is not None:
-        end = _other(relative, scene).offset + number(relative.get("value"), scene.where)
+        end = other_entity(relative, scene).offset + number(relative.get("value"), scene.where)
     elif absolute is not None:
         end = number(absolute.get("value"), scene.where)
     shape, limit = "step", 0.0
@@ -217,12 +140,12 @@ def _lane_offset(action: ET.Element, entity: Entity, scene: "Scene") -> Callable
     return _shift(entity, Transition(entity.offset, end, shape, duration))
 
 
-def _distance(action: ET.Element, entity: Entity, scene: "Scene") -> Callable[[], bool]:
+def _distance(action: ET.Element, entity: Entity, scene: Scene) -> Callable[[], bool]:
     if action.get("continuous") == "true" or scene.time > 0.0:
         raise InputError(
             f"{scene.where}: LongitudinalDistanceAction", "keeps a distance all along", "one at the beginning"
         )
-    other = _other(action, scene)
+    other = other_entity(action, scene)
     if action.get("timeGap") is not None:
         apart = number(action.get("timeGap"), scene.where) * entity.speed
     else:
@@ -237,7 +160,7 @@ def _distance(action: ET.Element, entity: Entity, scene: "Scene") -> Callable[[]
     return lambda: True
 
 
-def _trajectory(action: ET.Element, entity: Entity, scene: "Scene") -> Callable[[], bool]:
+def _trajectory(action: ET.Element, entity: Entity, scene: Scene) -> Callable[[], bool]:
     where = f"{scene.where}: FollowTrajectoryAction"
     trajectory = action.find("TrajectoryRef/Trajectory")
     trajectory = action.find("Trajectory") if trajectory is None else trajectory
@@ -264,7 +187,7 @@ def _trajectory(action: ET.Element, entity: Entity, scene: "Scene") -> Callable[
     return lambda: entity.path is not path
 
 
-_ACTIONS: dict[str, Callable[[ET.Element, Entity, "Scene"], Callable[[], bool]]] = {
+_ACTIONS: dict[str, Callable[[ET.Element, Entity, Scene], Callable[[], bool]]] = {
     "TeleportAction": _teleport, "SpeedAction": _speed, "LaneChangeAction": _lane_change,
     "LaneOffsetAction": _lane_offset, "LongitudinalDistanceAction": _distance, "FollowTrajectoryAction": _trajectory,
 }  # fmt: skip

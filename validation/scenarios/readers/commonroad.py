@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.road.polyline import Polyline
 from sidestep.validation.scenarios.readers.commonroad_shapes import Box, box_of, pose_of, value_of
 from sidestep.validation.scenarios.readers.imported import Imported
 from sidestep.validation.scenarios.readers.lanelets import Lanelet, Map, extended, lanelet_at, reference, route
@@ -122,11 +123,11 @@ def _problem(root: ET.Element, file: Path, result: Imported) -> _Problem:
     if state is None:
         raise InputError(where, "has no initialState")
     x, y, yaw = pose_of(state, where, result)
-    values = [value_of(state.find(name), where, 0.0) for name in ("velocity", "yawRate", "slipAngle")]
-    if any(value_of(state.find(name), where, 0.0) for name in ("acceleration",)):
+    speed, yaw_rate, slip = (value_of(state.find(name), where, 0.0) for name in ("velocity", "yawRate", "slipAngle"))
+    if value_of(state.find("acceleration"), where, 0.0):
         result.note("the start's acceleration is left out: the plants start without one")
     goals = problems[0].findall("goalState") or problems[0].findall("goalRegion/state")
-    return _Problem(x, y, yaw, *values, goals)
+    return _Problem(x, y, yaw, speed, yaw_rate, slip, goals)
 
 
 def _way(lanes: Map, problem: _Problem, file: Path, result: Imported) -> list[tuple[int, int]]:
@@ -212,8 +213,6 @@ def _speed(problem: _Problem, goal: dict[str, Any], result: Imported) -> float:
 
 def _start(problem: _Problem, line: shapely.LineString, s: float) -> dict[str, float]:
     """In the frame of the reference line, as `traffic.placed` reads it."""
-    from sidestep.plant_models.road.polyline import Polyline
-
     given = Polyline(shapely.get_coordinates(line))
     foot, road = given.on(s)[0], float(given.heading(s)[0])
     chord = int(np.clip(np.searchsorted(given.stations, s, side="right") - 1, 0, len(given.points) - 2))

@@ -3,14 +3,12 @@
 import math
 import operator
 import xml.etree.ElementTree as ET
-from typing import TYPE_CHECKING
 
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.scenarios.readers.entities import Entity
+from sidestep.validation.scenarios.readers.positions import place
 from sidestep.validation.scenarios.readers.safe_xml import number
-
-if TYPE_CHECKING:
-    from sidestep.validation.scenarios.readers.storyboard import Scene
+from sidestep.validation.scenarios.readers.scene import Scene, gap
 
 _RULES = {
     "greaterThan": operator.gt, "greaterOrEqual": operator.ge, "lessThan": operator.lt, "lessOrEqual": operator.le,
@@ -24,7 +22,7 @@ _KNOWN = (
 )
 
 
-def holds(element: ET.Element, scene: "Scene") -> bool:
+def holds(element: ET.Element, scene: Scene) -> bool:
     """Whether a condition holds now, its edge and delay aside.
 
     Raises:
@@ -43,7 +41,7 @@ def holds(element: ET.Element, scene: "Scene") -> bool:
     raise InputError(f"{scene.where}: condition {element.get('name')!r}", "is of no kind that is known here")
 
 
-def _by_value(condition: ET.Element, scene: "Scene") -> bool:
+def _by_value(condition: ET.Element, scene: Scene) -> bool:
     if condition.tag == "SimulationTimeCondition":
         return _compared(condition, scene.time + _TIME_SLACK, scene)
     if condition.tag == "StoryboardElementStateCondition":
@@ -56,9 +54,7 @@ def _by_value(condition: ET.Element, scene: "Scene") -> bool:
     raise InputError(f"{scene.where}: {condition.tag}", "is not known here", "SimulationTime, StoryboardElementState")
 
 
-def _by_entity(condition: ET.Element, entity: Entity, scene: "Scene") -> bool:
-    from sidestep.validation.scenarios.readers.storyboard import gap
-
+def _by_entity(condition: ET.Element, entity: Entity, scene: Scene) -> bool:
     free = condition.get("freespace") == "true"
     other = _entity(condition.get("entityRef", ""), scene) if condition.get("entityRef") else None
     along_road = condition.get("coordinateSystem", "entity") in ("road", "lane", "trajectory")
@@ -84,10 +80,8 @@ def _by_entity(condition: ET.Element, entity: Entity, scene: "Scene") -> bool:
 
 
 def _distance(
-    condition: ET.Element, entity: Entity, other: Entity, scene: "Scene", free: bool, along_road: bool
+    condition: ET.Element, entity: Entity, other: Entity, scene: Scene, free: bool, along_road: bool
 ) -> float:
-    from sidestep.validation.scenarios.readers.storyboard import gap
-
     kind = condition.get("relativeDistanceType", "longitudinal")
     if kind == "longitudinal":
         return gap(entity, other, scene.road, free, along_road)
@@ -100,9 +94,7 @@ def _distance(
     return math.hypot(ox - x, oy - y)
 
 
-def _time_to_collision(condition: ET.Element, entity: Entity, scene: "Scene", free: bool, along_road: bool) -> bool:
-    from sidestep.validation.scenarios.readers.storyboard import gap
-
+def _time_to_collision(condition: ET.Element, entity: Entity, scene: Scene, free: bool, along_road: bool) -> bool:
     target = condition.find("TimeToCollisionConditionTarget/EntityRef")
     if target is None:
         raise InputError(f"{scene.where}: {condition.tag}", "with a position", "an EntityRef")
@@ -111,9 +103,7 @@ def _time_to_collision(condition: ET.Element, entity: Entity, scene: "Scene", fr
     return closing > 1e-3 and _compared(condition, gap(entity, other, scene.road, free, along_road) / closing, scene)
 
 
-def _near(condition: ET.Element, entity: Entity, scene: "Scene") -> bool:
-    from sidestep.validation.scenarios.readers.actions import place
-
+def _near(condition: ET.Element, entity: Entity, scene: Scene) -> bool:
     position = condition.find("Position")
     if position is None:
         raise InputError(f"{scene.where}: {condition.tag}", "has no position")
@@ -125,14 +115,14 @@ def _near(condition: ET.Element, entity: Entity, scene: "Scene") -> bool:
     return _compared(condition, away, scene)
 
 
-def _compared(condition: ET.Element, value: float, scene: "Scene") -> bool:
+def _compared(condition: ET.Element, value: float, scene: Scene) -> bool:
     rule = condition.get("rule", "greaterThan")
     if rule not in _RULES:
         raise InputError(f"{scene.where}: {condition.tag} rule", f"{rule!r}", ", ".join(_RULES))
     return bool(_RULES[rule](value, number(condition.get("value"), scene.where)))
 
 
-def _entity(name: str, scene: "Scene") -> Entity:
+def _entity(name: str, scene: Scene) -> Entity:
     if name not in scene.entities or not scene.entities[name].placed:
         raise InputError(f"{scene.where}: entityRef", f"{name!r} is not in the scene", ", ".join(scene.entities))
     return scene.entities[name]

@@ -4,15 +4,16 @@ import ast
 import math
 import operator
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from typing import Any
 
 from sidestep.plant_models.errors import InputError
 
-_OPERATORS: dict[type, Callable[..., float]] = {
+_OPERATORS: dict[type, Any] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
     ast.Mod: math.fmod, ast.Pow: lambda a, b: math.pow(a, b), ast.USub: operator.neg, ast.UAdd: operator.pos,
 }  # fmt: skip
-_FUNCTIONS: dict[str, Callable[..., float]] = {
+_FUNCTIONS: dict[str, Any] = {
     "sqrt": math.sqrt, "pow": math.pow, "round": lambda x: float(round(x)), "ceil": math.ceil, "floor": math.floor,
     "sign": lambda x: math.copysign(1.0, x) if x else 0.0, "max": max, "min": min, "abs": abs,
     "sin": math.sin, "cos": math.cos, "tan": math.tan,

@@ -125,7 +125,8 @@ def extended(lanes: Map, rows: list[Row], before: float = BEFORE, beyond: float 
             others = [other for other in others if other in lanes and other not in seen]
             if not others:
                 break
-            nearest = min(others, key=lambda other, key=key: _bend(lanes[key], lanes[other], ends))
+            bends = [_bend(lanes[key], lanes[other], ends) for other in others]
+            nearest = others[int(np.argmin(bends))]
             seen.add(nearest)
             rows.insert(len(rows) if ends else 0, (nearest, nearest))
             missing -= lanes[nearest].length
