@@ -1,10 +1,8 @@
-"""A smooth path along a polyline: a spline where that holds to it, and the smoothest curve within a tube where not.
+"""A smooth path along a polyline: a spline where that holds to it, and a smoothed curve where not, see `smoothing`.
 
 The spline goes through the points, its parameter chord length, which is most exact, or, where that fails, the square
-root of chord length (centripetal, Lee 1989), which swings least between points of uneven spacing. Where it strays,
-wiggles or bends too tightly all the same, positions are smoothed: least third difference (Whittaker 1923, Henderson
-1924), that is least change of curvature, while distance from the polyline is weighted up until it is within the
-tolerance everywhere.
+root of chord length (centripetal, Lee 1989), which swings least between points of uneven spacing. It fails where it
+strays, wiggles or bends too tightly.
 """
 
 import math
@@ -13,28 +11,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.linalg import solveh_banded
 
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.road.clothoid import MAX_CURVATURE, SPACING, Array, advance, fit, with_ends
 from sidestep.plant_models.road.polyline import Polyline, strays
+from sidestep.plant_models.road.smoothing import AIM, REACH, TOLERANCE, Mask
 from sidestep.plant_models.road.waypoints import WayPoints
 
-Mask, Index = NDArray[np.bool_], NDArray[np.intp]
-
-TOLERANCE = 0.1
-"""How far a path may stray from its way-points' polyline, in [m]."""
+Index = NDArray[np.intp]
 
 _STEP = 0.25  # between smoothed positions, in [m]
-_SCALE = 4.0  # length below which features are smoothed away at that tolerance, in [m]
 _MARGIN = 30.0  # smoothed beside a place where the spline fails, in [m]
-_REACH = 4.0  # along the polyline: what lies beyond is another leg, in [m]
 _LAP = 100.0  # of a closed road beyond its seam: that far nothing of the ends is felt, in [m]
-_AIM, _PASSES = 0.9, 200  # share of the tolerance that is aimed at, and reweightings at most
 _TIGHT = 0.2  # curvature that cars hardly drive: worth smoothing, in [1/m]
 _CHUNK = 100_000  # chords or nodes at a time: memory stays bounded on long roads
-_PIN = 1e9  # weight of what may not move
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +116,7 @@ def _fails(line: Polyline, spline: CubicSpline, knots: Array, tolerance: float) 
         first, second = spline(parameters, 1), spline(parameters, 2)
         speed = np.maximum(np.hypot(*first.T), 1e-12)
         bend = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / speed**3
-        off = strays(line.points, line.stations, spline(parameters), u, _REACH)[0] > tolerance * _AIM
+        off = strays(line.points, line.stations, spline(parameters), u, REACH)[0] > tolerance * AIM
         wrong = off | ~(bend <= np.minimum(_allowed_bend(line, part), _TIGHT)[chord])
         bad[part] = np.bincount(chord[wrong], minlength=part.stop - start) > 0
     return bad
@@ -177,7 +168,7 @@ def _within_tube(
 def _parameters(line: Polyline, spline: CubicSpline, knots: Array, u: Array) -> Array:
     """Parameters at which the spline passes the polyline's arc lengths u, as far as it keeps beside it."""
     near, parameters, _ = _nodes(line, knots, _STEP)
-    feet = strays(line.points, line.stations, spline(parameters), near, _REACH)[1]
+    feet = strays(line.points, line.stations, spline(parameters), near, REACH)[1]
     return np.interp(u, np.maximum.accumulate(feet), parameters)
 
 
@@ -190,50 +181,6 @@ def _dilated(mask: Mask, reach: int) -> Mask:
 def _runs(mask: Mask) -> list[tuple[int, int]]:
     change = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
     return [(int(start), int(end)) for start, end in change.reshape(-1, 2)]
-
-
-def _smoothed(line: Polyline, u: Array, positions: Array, pins: Mask, step: float, tolerance: float) -> Array:
-    """Positions of least change of curvature within the tolerance, those that are pinned kept; shape (n, 2)."""
-    target = np.where(pins[:, None], positions, line.on(u))
-    scale = _SCALE * (tolerance / TOLERANCE) ** (1.0 / 3.0)
-    weights = np.where(pins, _PIN, scale**-6.0)
-    points, stations = _part(line, u)
-    roughness = _third_differences(len(u), step)
-    result = target
-    for _ in range(_PASSES):
-        bands = roughness.copy()
-        bands[3] += weights
-        result = solveh_banded(bands, weights[:, None] * target, overwrite_ab=True)
-        off = strays(points, stations, result, u, _REACH)[0]
-        missed = strays(result, u, points, stations, _REACH)[0]
-        at = np.clip(np.searchsorted(u, stations), 0, len(u) - 1)
-        np.maximum.at(off, at, missed)
-        off[pins] = 0.0
-        excess = off / (_AIM * tolerance)
-        if excess.max() <= 1.0:
-            break
-        weights *= np.clip(excess, 1.0, 2.0)
-    return result
-
-
-def _part(line: Polyline, u: Array) -> tuple[Array, Array]:
-    """Points and arc lengths of the polyline from u[0] to u[-1], laps unrolled, its ends included."""
-    laps = range(math.floor(u[0] / line.length), math.floor(u[-1] / line.length) + 1) if line.closed else range(1)
-    stations = np.concatenate(
-        [line.stations[:-1] + lap * line.length for lap in laps] + ([] if line.closed else [line.stations[-1:]])
-    )
-    inside = stations[(stations > u[0]) & (stations < u[-1])]
-    stations = np.concatenate([u[:1], inside, u[-1:]])
-    return line.on(stations), stations
-
-
-def _third_differences(count: int, step: float) -> Array:
-    """Upper bands of D'D / step^6 for the third difference D, shape (4, n), as `solveh_banded` takes them."""
-    bands, coefficients, rows = np.zeros((4, count)), (-1.0, 3.0, -3.0, 1.0), count - 3
-    for a in range(4):
-        for b in range(a, 4):
-            bands[3 + a - b, b : b + rows] += coefficients[a] * coefficients[b] / step**6
-    return bands
 
 
 def _table(spline: CubicSpline, parameters: Array, closed: bool) -> Array:
@@ -275,7 +222,7 @@ def _check_bends(points: WayPoints, table: Array, u: Array, tolerance: float) ->
     if len(tight) == 0:
         return
     i, line = int(tight[0]), points.line
-    close = np.abs(line.stations - u[i]) <= _REACH
+    close = np.abs(line.stations - u[i]) <= REACH
     chord = int(np.clip(np.searchsorted(line.stations, u[i], side="right") - 1, 0, len(line.points) - 2))
     close[chord : chord + 2] = True
     vertex = int(np.argmax(np.where(close, np.abs(line.turns), -1.0)))
@@ -296,8 +243,8 @@ def _worst(line: Polyline, table: Array, u: Array) -> tuple[float, float]:
         samples, near = _halves(table[start + 1 : start + _CHUNK + 2]), np.empty(2 * len(nodes) - 1)
         near[::2], near[1::2] = nodes, 0.5 * (nodes[1:] + nodes[:-1])
         own = slice(*np.searchsorted(line.stations, nodes[[0, -1]]))
-        off = strays(line.points, line.stations, samples, near, _REACH)[0]
-        missed = strays(samples, near, line.points[own], line.stations[own], _REACH)[0]
+        off = strays(line.points, line.stations, samples, near, REACH)[0]
+        missed = strays(samples, near, line.points[own], line.stations[own], REACH)[0]
         for distances, stations in ((off, near), (missed, line.stations[own])):
             if len(distances) and distances.max() > worst:
                 worst, place = float(distances.max()), float(stations[np.argmax(distances)])

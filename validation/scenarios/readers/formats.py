@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.scenarios.readers.commonroad import read_commonroad
+from sidestep.validation.scenarios.readers.commonroad.reader import read_commonroad
 from sidestep.validation.scenarios.readers.imported import Imported
-from sidestep.validation.scenarios.readers.openscenario import read_openscenario
+from sidestep.validation.scenarios.readers.openscenario.reader import read_openscenario
 from sidestep.validation.scenarios.readers.safe_xml import read_xml
 
 ENDINGS = (".xml", ".xosc")

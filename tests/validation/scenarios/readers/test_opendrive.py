@@ -5,8 +5,8 @@ import pytest
 from scipy.integrate import quad
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.scenarios.readers.opendrive import Geometry, read_opendrive
-from sidestep.validation.scenarios.readers.road_table import RoadTable
+from sidestep.validation.scenarios.readers.openscenario.opendrive import Geometry, read_opendrive
+from sidestep.validation.scenarios.readers.openscenario.road_table import RoadTable
 
 LANES = """<lanes><laneOffset s="0" a="0.5" b="0" c="0" d="0"/><laneSection s="0">
 <left><lane id="1" type="driving"><width sOffset="0" a="3" b="0" c="0" d="0"/></lane></left>

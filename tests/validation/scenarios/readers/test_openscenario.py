@@ -5,7 +5,7 @@ import pytest
 
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.judge.geometry import car_boxes, obstacle_boxes, obstacle_poses, signed_clearance
-from sidestep.validation.scenarios.readers.openscenario import variations
+from sidestep.validation.scenarios.readers.openscenario.reader import variations
 from sidestep.validation.scenarios.readers.safe_xml import read_xml
 from sidestep.validation.scenarios.scenario import load_scenario
 

@@ -2,7 +2,7 @@ import pytest
 
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.scenarios.readers import safe_xml
-from sidestep.validation.scenarios.readers.expressions import resolved
+from sidestep.validation.scenarios.readers.openscenario.expressions import resolved
 from sidestep.validation.scenarios.readers.safe_xml import number, read_xml
 
 BOMB = """<?xml version="1.0"?>

@@ -4,9 +4,9 @@ import math
 import xml.etree.ElementTree as ET
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.scenarios.readers.entities import Entity
+from sidestep.validation.scenarios.readers.openscenario.entities import Entity
+from sidestep.validation.scenarios.readers.openscenario.scene import Scene
 from sidestep.validation.scenarios.readers.safe_xml import number
-from sidestep.validation.scenarios.readers.scene import Scene
 
 
 def lane_of(position: ET.Element, s: float, t: float, scene: Scene) -> int:

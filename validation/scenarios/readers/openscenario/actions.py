@@ -6,10 +6,10 @@ from collections.abc import Callable
 from itertools import pairwise
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.scenarios.readers.entities import SHAPES, Entity, Path, Transition, transition
-from sidestep.validation.scenarios.readers.positions import beside, lane_of, other_entity, place
+from sidestep.validation.scenarios.readers.openscenario.entities import SHAPES, Entity, Path, Transition, transition
+from sidestep.validation.scenarios.readers.openscenario.positions import beside, lane_of, other_entity, place
+from sidestep.validation.scenarios.readers.openscenario.scene import Scene
 from sidestep.validation.scenarios.readers.safe_xml import number
-from sidestep.validation.scenarios.readers.scene import Scene
 
 _HARMLESS = {
     "ControllerAction",

@@ -3,9 +3,9 @@
 import math
 from dataclasses import dataclass, field
 
-from sidestep.validation.scenarios.readers.entities import Entity
 from sidestep.validation.scenarios.readers.imported import Imported
-from sidestep.validation.scenarios.readers.road_table import RoadTable
+from sidestep.validation.scenarios.readers.openscenario.entities import Entity
+from sidestep.validation.scenarios.readers.openscenario.road_table import RoadTable
 
 
 @dataclass

@@ -15,13 +15,13 @@ import numpy as np
 
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.scenarios.readers.entities import Entity
-from sidestep.validation.scenarios.readers.expressions import resolved
 from sidestep.validation.scenarios.readers.imported import Imported
-from sidestep.validation.scenarios.readers.opendrive import Road, read_opendrive
-from sidestep.validation.scenarios.readers.road_table import RoadTable
+from sidestep.validation.scenarios.readers.openscenario.entities import Entity
+from sidestep.validation.scenarios.readers.openscenario.expressions import resolved
+from sidestep.validation.scenarios.readers.openscenario.opendrive import Road, read_opendrive
+from sidestep.validation.scenarios.readers.openscenario.road_table import RoadTable
+from sidestep.validation.scenarios.readers.openscenario.storyboard import STEP, Scene, Storyboard
 from sidestep.validation.scenarios.readers.safe_xml import number, read_xml
-from sidestep.validation.scenarios.readers.storyboard import STEP, Scene, Storyboard
 
 BEFORE, BEYOND = 30.0, 200.0
 """Of the road before the car's start and beyond where it would come to, in [m]."""

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from sidestep.validation.scenarios.readers.road_table import RoadTable
+from sidestep.validation.scenarios.readers.openscenario.road_table import RoadTable
 
 SHAPES: dict[str, tuple[Callable[[float], float], float]] = {
     "linear": (lambda p: p, 1.0),

@@ -11,9 +11,16 @@ import shapely
 
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.road.polyline import Polyline
-from sidestep.validation.scenarios.readers.commonroad_shapes import Box, box_of, pose_of, value_of
+from sidestep.validation.scenarios.readers.commonroad.lanelets import (
+    Lanelet,
+    Map,
+    extended,
+    lanelet_at,
+    reference,
+    route,
+)
+from sidestep.validation.scenarios.readers.commonroad.shapes import Box, box_of, pose_of, value_of
 from sidestep.validation.scenarios.readers.imported import Imported
-from sidestep.validation.scenarios.readers.lanelets import Lanelet, Map, extended, lanelet_at, reference, route
 from sidestep.validation.scenarios.readers.safe_xml import number
 
 KNOWN = ("2018a", "2018b", "2019", "2020a", "2021a", "2023a")

@@ -4,10 +4,10 @@ import xml.etree.ElementTree as ET
 from collections.abc import Callable
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.scenarios.readers.actions import act
-from sidestep.validation.scenarios.readers.conditions import holds
+from sidestep.validation.scenarios.readers.openscenario.actions import act
+from sidestep.validation.scenarios.readers.openscenario.conditions import holds
+from sidestep.validation.scenarios.readers.openscenario.scene import Scene
 from sidestep.validation.scenarios.readers.safe_xml import number
-from sidestep.validation.scenarios.readers.scene import Scene
 
 STEP = 0.05
 """Of the storyboard, in [s]."""

@@ -5,10 +5,10 @@ import operator
 import xml.etree.ElementTree as ET
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.scenarios.readers.entities import Entity
-from sidestep.validation.scenarios.readers.positions import place
+from sidestep.validation.scenarios.readers.openscenario.entities import Entity
+from sidestep.validation.scenarios.readers.openscenario.positions import place
+from sidestep.validation.scenarios.readers.openscenario.scene import Scene, gap
 from sidestep.validation.scenarios.readers.safe_xml import number
-from sidestep.validation.scenarios.readers.scene import Scene, gap
 
 _RULES = {
     "greaterThan": operator.gt, "greaterOrEqual": operator.ge, "lessThan": operator.lt, "lessOrEqual": operator.le,

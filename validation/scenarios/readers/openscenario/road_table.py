@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.scenarios.readers.opendrive import Road
+from sidestep.validation.scenarios.readers.openscenario.opendrive import Road
 
 _STEP = 0.5  # of the grid, in [m]
 
