@@ -1,7 +1,8 @@
 """Obstacles as oriented boxes in the road frame."""
 
-from dataclasses import dataclass, replace
-from typing import Annotated
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -50,6 +51,17 @@ class Obstacle:
         """A box that follows a trajectory."""
         s, l, heading, speed = (float(value) for value in trajectory.at(0.0))  # noqa: E741
         return cls(s, l, length, width, heading, speed, height, appears, vanishes, trajectory)
+
+    def to_plain(self) -> dict[str, Any]:
+        """As numbers, lists and dictionaries, for files."""
+        values: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
+        return values | {"trajectory": self.trajectory and self.trajectory.to_plain()}
+
+    @classmethod
+    def from_plain(cls, values: Mapping[str, Any]) -> "Obstacle":
+        """From what `to_plain` gave."""
+        way = values["trajectory"]
+        return cls(**{**values, "trajectory": way and Trajectory(**{k: np.array(v) for k, v in way.items()})})
 
     @property
     def moves(self) -> bool:

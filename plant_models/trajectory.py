@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -66,6 +67,11 @@ class Trajectory:
             s[i], l[i], road[i] = path.project(float(px), float(py), near)
             near = float(s[i])
         return cls(fine, s, l, np.unwrap(poses[2] - road), world)
+
+    def to_plain(self) -> dict[str, list[Any]]:
+        """As lists, for files."""
+        values = {name: getattr(self, name).tolist() for name in ("time", "s", "l", "heading")}
+        return values if self.world is None else {**values, "world": self.world.tolist()}
 
     @cached_property
     def _rates(self) -> Array:

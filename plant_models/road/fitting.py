@@ -16,7 +16,7 @@ from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.road.clothoid import MAX_CURVATURE, SPACING, Array, advance, fit, with_ends
 from sidestep.plant_models.road.polyline import Polyline, strays
-from sidestep.plant_models.road.smoothing import AIM, REACH, TOLERANCE, Mask
+from sidestep.plant_models.road.smoothing import AIM, REACH, TOLERANCE, Mask, smoothed
 from sidestep.plant_models.road.waypoints import WayPoints
 
 Index = NDArray[np.intp]
@@ -155,7 +155,7 @@ def _within_tube(
         pins = ~loose[low:high]
         if not line.closed:
             pins |= (part == 0) | (part == count)
-        new = _smoothed(
+        new = smoothed(
             line, np.multiply(index[low:high], step, dtype=np.float64), positions[part], pins, step, tolerance
         )
         inside = (index[low:high] >= 0) & (index[low:high] <= count) & loose[low:high]

@@ -1,3 +1,4 @@
+import json
 import math
 import pickle
 
@@ -71,3 +72,12 @@ def test_what_is_no_trajectory_is_refused(columns, where):
     with pytest.raises(InputError) as caught:
         Trajectory(*map(np.array, columns))
     assert caught.value.where == where
+
+
+def test_an_obstacle_comes_back_from_a_file():
+    way = Trajectory.in_world(ROAD, [0.0, 1.0], [0.0, 1.0], [0.0, 0.0], [0.0, 0.1])
+    for box in (Obstacle(1.0, 2.0, 3.0, 4.0, speed=5.0), Obstacle.along(way, 4.0, 2.0, vanishes=3.0)):
+        again = Obstacle.from_plain(json.loads(json.dumps(box.to_plain())))
+        assert again.pose(ROAD, 0.7) == box.pose(ROAD, 0.7)
+        np.testing.assert_array_equal(again.track([0.0, 0.3]), box.track([0.0, 0.3]))
+        assert again.vanishes == box.vanishes
