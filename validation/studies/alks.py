@@ -148,14 +148,15 @@ def _summary(rows: Sequence[AlksRow]) -> dict[str, object]:
 
 def _table(rows: Sequence[AlksRow], plant: str) -> Table:
     table = new_table(
-        f"{len(rows)} OpenSCENARIO drives on {plant}: collisions of ours and of drivers who only brake", "file", "drives", "refused", "we", "least [m]", "careful", "5.2.5.2",
-        "RSS", "only we",
+        f"{len(rows)} OpenSCENARIO drives on {plant}: collisions of ours and of drivers who only brake",
+        "file", "drives", "refused", "we", "least [m]", "careful", "5.2.5.2", "RSS", "only we",
     )  # fmt: skip
     for name in dict.fromkeys(row.file for row in rows):
         of = [row for row in rows if row.file == name]
         gaps = [row.clearance for row in of if np.isfinite(row.clearance)]
         table.add_row(
-            name.removeprefix("alks_scenario_").removesuffix("_template"), str(len(of)), str(sum(bool(row.error) for row in of)), str(sum(row.collides for row in of)),
+            name.removeprefix("alks_scenario_").removesuffix("_template"), str(len(of)),
+            str(sum(bool(row.error) for row in of)), str(sum(row.collides for row in of)),
             f"{min(gaps):.2f}" if gaps else "–", *(str(sum(getattr(row, k) == 0.0 for row in of)) for k in _GAPS),
             str(sum(row.worse and not row.error for row in of)),
         )  # fmt: skip
