@@ -33,6 +33,8 @@ class ControllerConfig:
         weight_acceleration, weight_jerk: Of lateral acceleration [s^4/m^2] and jerk [s^6/m^2].
         weight_rate: Of the steering rate itself, in [s^2/rad^2]; keeps standstill well-posed.
         corridor_penalty, slip_penalty: Linear cost of leaving the corridor [1/m] or the slip bound [1/rad].
+        solver: Of the QP where a bound acts: "piqp", or "active-set", which is compiled with the step; where that one
+            does not come to an end, PIQP is asked. Both give the optimum.
         tyre_model: "affine" takes tangents to the Magic Formula about the last plan, "linear" the
             cornering stiffness of the paper.
         body_roll: Predict how the body rolls, and what tyres feel of it, from the vehicle's suspension data: for
@@ -41,7 +43,6 @@ class ControllerConfig:
         slip_share: Bound on front and rear slip angle, as a share of the angle at which the axle peaks.
         validity: File of `sidestep validate` (validity.json): slip angles then also stay where lateral acceleration
             is within its limits for this speed and friction; empty for none.
-        estimate_friction: Lower the friction where the car's lateral acceleration speaks against it.
         reject_disturbance: Learn steering offset and lateral force that the model lacks.
         comfort_braking: Deceleration used where the distance allows it, in [m/s^2].
         standstill_gap: Distance left to what blocks the road, in [m].
@@ -74,12 +75,12 @@ class ControllerConfig:
     weight_rate: Annotated[float, Range(1e-6, 1e6, "s²/rad²")] = 0.5
     corridor_penalty: Annotated[float, Range(0.001, 1e6, "1/m")] = 300.0
     slip_penalty: Annotated[float, Range(0.001, 1e6, "1/rad")] = 300.0
+    solver: str = "piqp"
     tyre_model: str = "affine"
     body_roll: bool = False
     friction: Annotated[float, Range(0.01, 5.0)] = 1.0
     slip_share: Annotated[float, Range(0.01, 10.0)] = 0.8
     validity: str = ""
-    estimate_friction: bool = False
     reject_disturbance: bool = True
     comfort_braking: Annotated[float, Range(0.01, 50.0, "m/s²")] = 3.0
     standstill_gap: Annotated[float, Range(0.0, 100.0, "m")] = 2.0
@@ -120,8 +121,8 @@ PRESETS: dict[str, dict[str, Any]] = {"default": {}, "paper": {"formulation": "p
 
 _CHOICES: dict[str, tuple[str, ...] | tuple[bool, ...]] = {
     "formulation": ("corridor", "paper"),
+    "solver": ("piqp", "active-set"),
     "tyre_model": ("affine", "linear"),
     "body_roll": (True, False),
-    "estimate_friction": (True, False),
     "reject_disturbance": (True, False),
 }

@@ -25,10 +25,22 @@ _VERSIONS = (platform.python_version(), np.__version__, numba.__version__, llvml
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile `function` on its first call for each kind of arguments and keep the code for later processes.
 
-    It runs without the interpreter's lock. `kernel(function).py_func` is `function` itself, for other compilers;
-    with `NUMBA_DISABLE_JIT=1` nothing is compiled and `function` comes back.
+    It runs without the interpreter's lock, and a division by zero is no exception. `kernel(function).py_func` is
+    `function` itself, for other compilers; with `NUMBA_DISABLE_JIT=1` nothing is compiled and `function` comes back.
     """
-    compiled: Any = numba.njit(nogil=True)(function)
+    return _compiled(function)
+
+
+def bare_kernel(function: Callable[..., Any]) -> Any:
+    """A `kernel` that needs no run-time library: it cannot raise, and does not compile if it allocates.
+
+    A division by zero gives what IEEE 754 says. Slices of arrays are fine, new arrays are not.
+    """
+    return _compiled(function, _nrt=False)
+
+
+def _compiled(function: Callable[..., Any], **options: Any) -> Any:
+    compiled: Any = numba.njit(nogil=True, error_model="numpy", **options)(function)
     if compiled is not function:
         compiled._cache = _KernelCache(function)  # what `cache=True` does, with our key
     return compiled

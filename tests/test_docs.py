@@ -10,8 +10,8 @@ import pytest
 
 from sidestep.controller import ControllerConfig
 from sidestep.controller.decision.lattice import LAYERS
-from sidestep.controller.mpc.prediction import grid
-from sidestep.controller.mpc.qp import SLACKS
+from sidestep.controller.mpc.grid import grid
+from sidestep.controller.records import SLACKS
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])

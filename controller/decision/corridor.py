@@ -148,27 +148,27 @@ def footprint_bounds(stations, times, reach, buffer, levers, clearance, directio
 
 
 @kernel
-def excess_over(bounds, states, times, levers):
+def excess_over(w, grid):
     """How far a prediction leaves its corridor.
 
     Args:
-        bounds, levers: See `footprint_bounds`.
-        states, times: Of the prediction, present first, shapes (N + 1, 6) and (N + 1,).
+        w: Work space: `heeded` bounds, see `footprint_bounds`, and `states`.
+        grid: Record of `GRID`.
 
     Returns:
         Largest excess from FIRST_CORRIDOR_TIME on, in [m], and when it first comes to a centimetre, in [s];
         infinite if never.
     """
     worst, first = 0.0, math.inf
-    for k in range(1, times.shape[0]):
-        if times[k] < FIRST_CORRIDOR_TIME:
+    for k in range(grid.nodes):
+        if grid.times[k] < FIRST_CORRIDOR_TIME:
             continue
         for end in range(2):
-            value = states[k, 0] + levers[end] * states[k, 1]
-            excess = max(bounds[2 * end, k - 1] - value, value - bounds[2 * end + 1, k - 1])
+            value = w.states[k + 1, 0] + grid.levers[end] * w.states[k + 1, 1]
+            excess = max(w.heeded[2 * end, k] - value, value - w.heeded[2 * end + 1, k])
             worst = max(worst, excess)
             if excess > NOTICED:
-                first = min(first, times[k])
+                first = min(first, grid.times[k])
     return worst, first
 
 

@@ -187,28 +187,29 @@ def plan_path(station, offset, speed, cruise, polygons, speeds, committed, certa
         p: PlannerSettings.
 
     Returns:
-        The fields of `PlannedPath`.
+        PlannedPath.
     """
     pace, spacing = max(speed, 1.0), layer_spacing(speed)
     first = (math.floor(station / spacing + 1.5)) * spacing - station
     stations = first + spacing * np.arange(LAYERS)
     hard = p.half_width + p.buffer
-    lowest = math.ceil((p.right_edge + hard) / LATERAL_STEP)
-    highest = math.floor((p.left_edge - hard) / LATERAL_STEP)
+    # counted from the reference, so that the path can lie on it
+    lowest = math.ceil((p.right_edge + hard - p.reference) / LATERAL_STEP)
+    highest = math.floor((p.left_edge - hard - p.reference) / LATERAL_STEP)
     narrow = lowest > highest
     if narrow:
-        lowest = highest = round(0.5 * (p.right_edge + p.left_edge) / LATERAL_STEP)
-    offsets = LATERAL_STEP * np.arange(lowest, highest + 1)
+        lowest = highest = round((0.5 * (p.right_edge + p.left_edge) - p.reference) / LATERAL_STEP)
+    offsets = p.reference + LATERAL_STEP * np.arange(lowest, highest + 1)
 
     times = arrival_times(stations, speed, cruise, p.acceleration)
     cost, settled = node_costs(stations, times, offsets, pace, polygons, speeds, committed, certain, p)
-    start = offset / LATERAL_STEP - lowest
+    start = (offset - p.reference) / LATERAL_STEP - lowest
     slope = min(p.max_slope, p.max_lateral_speed / pace)
     reach = max(int(slope * spacing / LATERAL_STEP + 1e-9), 1)
     outside = max(-start, start - (highest - lowest), 0.0)
     start_reach = max(slope * first / LATERAL_STEP, 1.0) + outside
     weight = p.weight_continuity * (LATERAL_STEP * pace) ** 2
-    home = p.reference / LATERAL_STEP - lowest
+    home = float(-lowest)
     nodes, least = shortest_path(cost, weight / first**2, weight / spacing**2, reach, start, start_reach, home)
 
     path_stations = np.empty(LAYERS + 1)
@@ -232,7 +233,7 @@ def plan_path(station, offset, speed, cruise, polygons, speeds, committed, certa
             if narrow or (squeezed[i] and not squeezed[: i + 1].all()):
                 blocker, room = GAP_TOO_NARROW, path_stations[i - 1]
                 break
-    return path_stations, path, right, left, sides, least, blocker, room, settled
+    return PlannedPath(path_stations, path, right, left, sides, least, blocker, room, settled)
 
 
 @kernel

@@ -8,8 +8,6 @@ no state of the prediction: it follows, as a linear oscillator, from the lateral
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
@@ -85,24 +83,21 @@ def felt(angle, rate, body):
 
 
 @kernel
-def roll_ahead(angle, rate, times, states, speed, body):
+def roll_ahead(now, grid, states, speed, body, roll):
     """Roll along a prediction.
 
     Args:
-        angle, rate: Now, in [rad] and [rad/s].
-        times, states: Shapes (K,), in [s], and (K, 6), see `prediction`.
+        now: Roll angle and rate, shape (2,), in [rad] and [rad/s].
+        grid: Record of `GRID`.
+        states: Shape (N + 1, 6), see `prediction`.
         speed: v > 0, in [m/s].
         body: Body.
-
-    Returns:
-        Angle and rate, shape (K, 2).
+        roll: Angle and rate, shape (N + 1, 2); filled.
     """
-    roll = np.empty((times.shape[0], 2))
-    roll[0] = angle, rate
-    for k in range(1, times.shape[0]):
-        lateral = lateral_acceleration(states[k - 1], states[k], speed, times[k] - times[k - 1])
-        roll[k] = advance_roll(roll[k - 1, 0], roll[k - 1, 1], lateral, times[k] - times[k - 1], body)
-    return roll
+    roll[0, 0], roll[0, 1] = now[0], now[1]
+    for k in range(grid.nodes):
+        lateral = lateral_acceleration(states[k], states[k + 1], speed, grid.steps[k])
+        roll[k + 1, 0], roll[k + 1, 1] = advance_roll(roll[k, 0], roll[k, 1], lateral, grid.steps[k], body)
 
 
 @kernel

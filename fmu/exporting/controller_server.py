@@ -108,7 +108,7 @@ class ControllerServer:
         command = controller.step(state)
         took, plan = time.perf_counter() - began, controller.plan
         assert plan is not None
-        solved = {"INPUT": 2.0, "PIQP_SOLVED": 0.0, "UNCONSTRAINED": 0.0}.get(plan.solver_status, 1.0)
+        solved = {"INPUT": 2.0, "SOLVED": 0.0, "UNCONSTRAINED": 0.0}.get(plan.solver_status, 1.0)
         outputs = _OUTPUTS.pack(
             command.steer_angle, command.target_speed, command.status, self._clearance(state), solved,
             plan.iterations, plan.slack_corridor, plan.slack_slip, 1e-6 * plan.solve_us, took, state.time,

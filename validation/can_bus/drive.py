@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from sidestep.controller import SteeringController
+from sidestep.controller.answer import FEASIBLE_SLACK
 from sidestep.controller.can_port.actuator import ActuatorConfig
 from sidestep.controller.can_port.bus.bus import resolve_spec
 from sidestep.controller.can_port.bus.faults import FaultSpec
@@ -23,7 +24,6 @@ from sidestep.controller.can_port.codec.database import Protection, messages
 from sidestep.controller.can_port.codec.messages import ActuatorState, QpStatus
 from sidestep.controller.can_port.link import Link, RealTimeLink, VirtualTimeLink
 from sidestep.controller.can_port.nodes import CYCLE, ControllerNode, VehicleNode
-from sidestep.controller.steering import FEASIBLE_SLACK
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState

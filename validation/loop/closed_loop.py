@@ -2,8 +2,6 @@
 
 import math
 
-import numpy as np
-
 from sidestep.controller import SteeringController
 from sidestep.plant_models.obstacle import FOREVER, Obstacle
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
@@ -32,7 +30,7 @@ class SeesPresent(SteeringController):
     def step(self, state: VehicleState) -> SteeringCommand:
         """As `SteeringController.step`."""
         if math.isfinite(state.time):
-            self._boxes = np.array([_as_if_constant(obstacle, state.time) for obstacle in self.obstacles])
+            self.boxes[:] = [_as_if_constant(obstacle, state.time) for obstacle in self.obstacles]
         return super().step(state)
 
 

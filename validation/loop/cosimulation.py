@@ -141,7 +141,7 @@ class _Run:
             (
                 self.state.time, float(command.status), float(plan.feasible), float(plan.iterations),
                 plan.primal_residual, plan.dual_residual, plan.slack_corridor, plan.slack_slip, plan.stop_distance,
-                plan.plan_us, plan.build_us, plan.solve_us, elapsed,
+                plan.solve_us, elapsed,
             )
         )  # fmt: skip
         return command

@@ -46,8 +46,6 @@ STEP_UNITS = {
     "slack_corridor": "m",
     "slack_slip": "rad",
     "stop_distance": "m",
-    "plan_time": "us",
-    "build_time": "us",
     "solve_time": "us",
     "step_time": "us",  # of the whole call, as the loop sees it
 }

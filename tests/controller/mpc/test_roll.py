@@ -11,6 +11,8 @@ from sidestep.controller import ControllerConfig, SteeringController
 from sidestep.controller.mpc.car_model import Car, axle_force
 from sidestep.controller.mpc.prediction import advance, linearise
 from sidestep.controller.mpc.roll import Body, advance_roll, felt, roll_ahead
+from sidestep.controller.records import WORK, record
+from sidestep.controller.settings import settings_of
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.mujoco.plant import MujocoPlant
 from sidestep.plant_models.road.reference_path import ReferencePath
@@ -67,20 +69,23 @@ def test_mujoco_car_rolls_as_told():
 
 
 def test_roll_along_a_steady_turn_grows_to_the_steady_angle():
-    times, states = np.linspace(0.0, 3.0, 61), np.zeros((61, 6))
+    grid, states, roll = settings_of(BMW, ControllerConfig())["grid"][0], np.zeros((61, 6)), np.empty((61, 2))
     states[:, 3] = 0.3  # 4.5 m/s^2 at 15 m/s
-    roll = roll_ahead(0.0, 0.0, times, states, 15.0, BODY)
+    roll_ahead(np.zeros(2), grid, states, 15.0, BODY, roll)
+    roll = roll[: grid["nodes"] + 1]
     assert roll[0] == pytest.approx([0.0, 0.0])
     assert roll[-1] == pytest.approx([BODY.gain * 4.5 / BODY.stiffness, 0.0], abs=1e-4)
 
 
 def test_rolling_rate_turns_the_slip_angles_and_moved_load_costs_force():
-    lines, flat = np.empty((1, 5)), np.empty((1, 5))
-    states = np.zeros((1, 6))
-    states[0, 4] = 0.05
-    planar = CAR._replace(body=Body())
-    for car, into, roll in ((CAR, lines, (0.05, 0.4)), (planar, flat, (0.05, 0.4))):
-        linearise(np.zeros(1), np.zeros(1), states, np.array([roll]), 15.0, (0.0, 0.0), car, into)
+    both = []
+    for body_roll in (True, False):
+        settings, work = settings_of(BMW, ControllerConfig(body_roll=body_roll)), record(WORK)
+        w = work[0]
+        w["before"][:, 4], w["before_roll"][:], w["group_speed"][:] = 0.05, (0.05, 0.4), 15.0
+        linearise(w, settings[0])
+        both.append(w["forces"])
+    lines, flat = both
     aside = BMW.cg_height * 0.4 / 15.0
     assert lines[0, 4] == pytest.approx(aside)
     assert flat[0, 4] == 0.0
@@ -92,16 +97,15 @@ def test_rolling_rate_turns_the_slip_angles_and_moved_load_costs_force():
 
 
 def test_advance_rolls_with_the_car():
-    start, commands = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), np.full(10, 0.05)
-    whole, rolled = advance(start, (0.0, 0.0), 15.0, 0.0, (0.0, 0.0), commands, PERIOD, CAR)
-    x, roll = start, (0.0, 0.0)
-    for command in commands:
-        x, roll = advance(x, roll, 15.0, 0.0, (0.0, 0.0), np.array([command]), PERIOD, CAR)
-    assert x == pytest.approx(whole, abs=1e-12)
-    assert roll == pytest.approx(rolled, abs=1e-12)
+    def driven(car):
+        x, roll = np.zeros(6), np.zeros(2)
+        for _ in range(10):
+            advance(x, roll, (15.0, 0.0), (0.0, 0.0), 0.05, PERIOD, car, np.empty((6, 6)))
+        return x, roll
+
+    (whole, rolled), (planar, still) = driven(CAR), driven(CAR._replace(body=Body()))
     assert 0.01 < rolled[0] < 0.1
-    planar, still = advance(start, (0.0, 0.0), 15.0, 0.0, (0.0, 0.0), commands, PERIOD, CAR._replace(body=Body()))
-    assert still == (0.0, 0.0)
+    assert np.array_equal(still, np.zeros(2))
     assert planar[2] + planar[1] > whole[2] + whole[1]  # without roll the car is sooner on its way
 
 

@@ -145,7 +145,7 @@ def test_the_controller_sees_where_a_box_is_now():
     controller = open_controller(scenario)
     assert isinstance(controller, SeesPresent)
     controller.step(scenario.start)
-    assert controller._boxes[0, [0, 1, 5]] == pytest.approx([30.0, 0.0, 10.0])
+    assert controller.boxes[0, [0, 1, 5]] == pytest.approx([30.0, 0.0, 10.0])
     assert type(open_controller(scene(STRAIGHT))).__name__ == "SteeringController"
 
 

@@ -1,20 +1,16 @@
-"""Planner and corridor of one control step in one kernel: what the MPC tracks and must stay within."""
+"""Planner and corridor of one control step: what the MPC tracks and must stay within."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sidestep.controller.config import ControllerConfig
 from sidestep.controller.decision.corridor import footprint_bounds, obstacle_polygons, path_reference
 from sidestep.controller.decision.lattice import LATERAL_STEP, LAYERS, arrival_times, layer_spacing
-from sidestep.controller.decision.planner import FREE, PlannedPath, plan_path
+from sidestep.controller.decision.planner import FREE, plan_path
+from sidestep.controller.mpc.prediction import along_road, sampled
+from sidestep.controller.records import OBSTACLES
 from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.road.clothoid import curvature_at
-from sidestep.plant_models.vehicle.parameters import VehicleParameters
-
-Array = NDArray[np.float64]
 
 VIEW_TIME = 6.0
 """How far ahead in time obstacles are looked at at least, in [s]."""
@@ -33,66 +29,6 @@ SLOPE_TIME = 0.3
 """Half the time over which the path's slope is averaged, in [s]."""
 EDGE_TIME = 1.0
 """How long before what comes, and after, the road's edge is no reason to slow down, in [s]."""
-TIGHTENING_TIME = 0.5
-"""Time ahead from which on the full tightening is asked, in [s]."""
-
-
-class NodeGrid(NamedTuple):
-    """Prediction nodes of the MPC and what the corridor asks there.
-
-    Attributes:
-        times, steps: From now, and length of the step that ends there, shape (N,), in [s].
-        clearance: Half width, buffer and tightening, shape (N,), in [m].
-        levers: Front and rear end of the footprint from the centre of gravity, in [m].
-        literal: Whether the car is v t ahead, as in the paper, though it goes across the road.
-    """
-
-    times: Array
-    steps: Array
-    clearance: Array
-    levers: tuple[float, float]
-    literal: bool = False
-
-    @classmethod
-    def of(cls, vehicle: VehicleParameters, c: ControllerConfig, times: Array) -> "NodeGrid":
-        """The nodes of a configuration, at these times in [s]."""
-        literal = c.formulation == "paper"  # bounds the centre point only, and by nothing more than (13)
-        tightening = 0.0 if literal else c.tightening
-        return cls(
-            times=times, steps=np.diff(times, prepend=0.0),
-            clearance=0.5 * vehicle.width + c.buffer + tightening * np.minimum(times / TIGHTENING_TIME, 1.0),
-            levers=(0.0, 0.0) if literal else (vehicle.front_extent, -vehicle.rear_extent),
-            literal=literal,
-        )  # fmt: skip
-
-
-class Corridor(NamedTuple):
-    """Result of the kernel.
-
-    Attributes:
-        path: See PlannedPath.
-        stations: Of the nodes, from the car on, shape (N,), in [m].
-        offset, slope: Path at the nodes, shape (N,), in [m] and [rad].
-        firmness: Share of the costs of leaving the path at the nodes, shape (N,).
-        turn_rate: Heading rate of the road at the nodes, shape (N,), in [rad/s].
-        bounds: See `corridor.footprint_bounds`, shape (4, N), in [m].
-        heeded: The same without what comes, as slowing down does not get the car away from it, and without the road's
-            edges from EDGE_TIME before that on, which may drive the car over them.
-        gap: Distance that the front bumper may go to what blocks the road, in [m]; infinite if nothing does. Less than
-            there is where the car must swing out again.
-        gap_speed: Speed of that along the road, in [m/s]; 0 if it comes.
-    """
-
-    path: PlannedPath
-    stations: Array
-    offset: Array
-    slope: Array
-    firmness: Array
-    turn_rate: Array
-    bounds: Array
-    heeded: Array
-    gap: float
-    gap_speed: float
 
 
 @kernel
@@ -157,7 +93,7 @@ def _plan(s, offset, speed, cruise, polygons, speeds, committed, held_up, settin
     coming = _coming(polygons, speeds, settings)
     if not (held_up and coming.any()):
         path = plan_path(s, offset, speed, cruise, polygons, speeds, committed, everywhere, settings)
-        if path[6] == FREE or not coming.any():
+        if path.blocker == FREE or not coming.any():
             return path
     stop = max(speed, 0.0) * (BRAKING_DELAY + 0.5 * speed / settings.braking)
     swept, standing = polygons.copy(), np.maximum(speeds, 0.0)
@@ -173,12 +109,12 @@ def _plan(s, offset, speed, cruise, polygons, speeds, committed, held_up, settin
             lane = np.array([[0.5 * (begin + end), middle, end - begin, width, 0.0, 0.0]])
             swept[m] = obstacle_polygons(lane, np.zeros(1))[0]
     path = plan_path(s, offset, speed, cruise, swept, standing, committed, everywhere, settings)
-    if path[6] == FREE:
+    if path.blocker == FREE:
         return path
     certain = np.where(coming, np.inf, stop + settings.front)
     path = plan_path(s, offset, speed, cruise, swept, standing, committed, certain, settings)
-    blocker = path[6]
-    if blocker >= 0 and coming[blocker] and (speeds[blocker] > 0.0 or path[7] <= stop):  # it comes along the only way
+    blocker = path.blocker
+    if blocker >= 0 and coming[blocker] and (speeds[blocker] > 0.0 or path.room <= stop):  # it comes along the only way
         return plan_path(s, offset, speed, cruise, polygons, speeds, committed, everywhere, settings)
     return path
 
@@ -222,82 +158,140 @@ def _firmness(stations, settled, pace, gentle):
 
 
 @kernel
-def _stations_ahead(pace, steps, direction):
-    """Stations of the nodes from the car on, in [m]: a car that goes across the road gets less far along it."""
-    stations, station, before = np.empty(steps.shape[0]), 0.0, direction[0]
-    for k in range(steps.shape[0]):
-        station += pace * steps[k] * max(math.cos(0.5 * (before + direction[k])), 0.0)
-        stations[k], before = station, direction[k]
-    return stations
+def _drive_ahead(pace, w, grid, road, offset, direction):
+    """Stations of the nodes from the car on, the road's curvature there and its heading rate on the way there.
+
+    A car that goes across the road gets less far along it, and one on the inside of a bend farther: (1) as it is.
+    """
+    n, station, before = grid.nodes, 0.0, w.x0[1] + w.x0[2]
+    stations, curvature, turn_rate = np.empty(n), np.empty(n), np.empty(n)
+    for k in range(n):
+        half = 0.5 * pace * grid.steps[k]
+        bend = curvature_at(road[0], road[1], w.station + station + half)
+        progress = along_road(pace, bend, offset[k], 0.5 * (before + direction[k]))
+        if grid.literal:
+            progress = pace
+        station += progress * grid.steps[k]
+        stations[k], before, turn_rate[k] = station, direction[k], progress * bend
+        curvature[k] = curvature_at(road[0], road[1], w.station + station)
+        if grid.literal:  # v kappa at the node, as printed
+            turn_rate[k] = pace * curvature[k]
+    return stations, curvature, turn_rate
 
 
 @kernel
-def _bounds(way, sides, edges, settings, grid):
+def _bounds(way, sides, edges, c):
     stations, pace, direction, turn, curvature, polygons, speeds = way
+    grid, n = c.grid, c.grid.nodes
     return footprint_bounds(
-        stations, grid.times, 0.5 * pace * grid.steps, settings.buffer, grid.levers, grid.clearance, direction, turn,
-        curvature, polygons, speeds, sides, *edges,
+        stations, grid.times[:n], 0.5 * pace * grid.steps[:n], c.buffer, grid.levers, grid.clearance[:n], direction,
+        turn, curvature, polygons, speeds, sides, *edges,
     )  # fmt: skip
 
 
 @kernel
-def plan_corridor(
-    s, offset, speed, cruise, now, boxes, table, period, committed, held_up, gentle, settings, grid, times, states, age
-):  # fmt: skip
+def _sides_of(near, m):
+    """Passing sides kept of the obstacles in view."""
+    sides = np.zeros(near.shape[0], np.int64)
+    for i in range(near.shape[0]):
+        for k in range(m.obstacles):
+            if m.ids[k] == near[i]:
+                sides[i] = m.sides[k]
+    return sides
+
+
+@kernel
+def _remember(near, sides, blocked, m, plan):
+    """Keep the passing sides for the next step; a car that is held up keeps those that it had."""
+    plan.obstacles = min(near.shape[0], OBSTACLES)
+    before = m.obstacles
+    for i in range(plan.obstacles):
+        plan.ids[i], plan.sides[i] = near[i], sides[i]
+    count = plan.obstacles
+    ids, kept = plan.ids.copy(), plan.sides.copy()
+    if blocked:
+        for k in range(before):
+            known = False
+            for i in range(plan.obstacles):
+                if ids[i] == m.ids[k]:
+                    known = True
+                    if kept[i] == 0:
+                        kept[i] = m.sides[k]
+            if not known and m.sides[k] != 0 and count < OBSTACLES:
+                ids[count], kept[count] = m.ids[k], m.sides[k]
+                count += 1
+    m.obstacles, m.held_up = count, blocked
+    for i in range(count):
+        m.ids[i], m.sides[i] = ids[i], kept[i]
+
+
+@kernel
+def decide(m, w, c, road, boxes, state, plan):
     """Search the path and bound the footprint along the prediction.
 
     Args:
-        s, offset: Of the car in the road frame, in [m].
-        speed, cruise: v, and the speed to go back to, in [m/s].
-        now: Time, in [s]; the boxes stand where they were at 0.
-        boxes: See `corridor.obstacle_polygons`, but with absolute s, shape (M, 6).
-        table, period: Of the ReferencePath.
-        committed: Passing sides decided before, shape (M,).
-        held_up: Whether the way was blocked in the step before.
-        gentle: Whether the step before kept the corridor, so that there is room for comfort.
-        settings: PlannerSettings.
-        grid: NodeGrid.
-        times, states, age: The last Prediction, which tells the direction and curvature that the car will drive.
-
-    Returns:
-        The fields of `Corridor`, those of PlannedPath as a tuple.
+        m: Memory.
+        w: Work space, located; path, corridor and gap at the nodes are filled.
+        c: Settings.
+        road: Table and period of the ReferencePath.
+        boxes: See `corridor.obstacle_polygons`, but with absolute s as they stood at time 0, shape (M, 6).
+        state: Record of `STATE`.
+        plan: Record of `PLAN`; the path is filled.
     """
-    near, boxes = _in_view(s, speed, cruise, now, boxes, period, settings)
-    road = np.empty(boxes.shape[0])
-    for m in range(boxes.shape[0]):
-        road[m] = curvature_at(table, period, s + boxes[m, 0])
-    polygons, speeds = obstacle_polygons(boxes, road), boxes[:, 5].copy()
-    path = _plan(s, offset, speed, cruise, polygons, speeds, committed[near], held_up, settings)
-    path_stations, path_offsets, right, left, sides, cost, blocker, room, settled = path
-    if blocker != FREE:  # stopping, not passing: no time to change sides, nor need to insist on one
-        sides[sides * committed[near] < 0] = 0
-    all_sides = np.zeros_like(committed)
-    all_sides[near] = sides
+    s, speed, p, grid = w.station, state.v_x, c.planner, c.grid
+    table, period, n = road[0], road[1], grid.nodes
+    gentle = m.last < 0 or m.plans[m.last].feasible
+    near, boxes = _in_view(s, speed, m.cruise, w.time, boxes, period, p)
+    bend = np.empty(boxes.shape[0])
+    for i in range(boxes.shape[0]):
+        bend[i] = curvature_at(table, period, s + boxes[i, 0])
+    polygons, speeds = obstacle_polygons(boxes, bend), boxes[:, 5].copy()
+    committed = _sides_of(near, m)
+    path = _plan(s, w.x0[0], speed, m.cruise, polygons, speeds, committed, m.held_up, p)
+    sides, blocked = path.sides, path.blocker != FREE
+    if blocked:  # stopping, not passing: no time to change sides, nor need to insist on one
+        sides[sides * committed < 0] = 0
 
     pace = max(speed, 0.0)
-    direction = np.interp(grid.times, times - age, states[:, 1] + states[:, 2])
-    stations = pace * grid.times if grid.literal else _stations_ahead(pace, grid.steps, direction)
-    curvature = np.empty(stations.shape[0])
-    for k in range(stations.shape[0]):
-        curvature[k] = curvature_at(table, period, s + stations[k])
-    offsets, slope = path_reference(path_stations, path_offsets, stations, max(1.0, SLOPE_TIME * pace))
-    turn = np.interp(grid.times, times - age, states[:, 3]) / max(speed, 1.0)
-    edges, coming = (settings.right_edge, settings.left_edge), _coming(polygons, speeds, settings)
+    direction, turn, offset = np.empty(n), np.empty(n), np.empty(n)
+    for k in range(n):
+        later = grid.times[k] + w.age
+        offset[k] = sampled(w.before, 0, later, grid)
+        direction[k] = sampled(w.before, 1, later, grid) + sampled(w.before, 2, later, grid)
+        turn[k] = sampled(w.before, 3, later, grid) / max(speed, 1.0)
+    stations, curvature, turn_rate = _drive_ahead(pace, w, grid, road, offset, direction)
+    offsets, slope = path_reference(path.stations, path.offsets, stations, max(1.0, SLOPE_TIME * pace))
+    edges, coming = (p.right_edge, p.left_edge), _coming(polygons, speeds, p)
     way = stations, pace, direction, turn, curvature, polygons, speeds
-    bounds = _bounds(way, sides, edges, settings, grid)
+    bounds = _bounds(way, sides, edges, c)
     heeded = bounds
     if coming.any():
         others = np.where(coming, 0, sides)
-        heeded = _bounds(way, others, edges, settings, grid)
-        edgeless = _bounds(way, others, (-math.inf, math.inf), settings, grid)
-        for k in range(stations.shape[0]):
+        heeded = _bounds(way, others, edges, c)
+        edgeless = _bounds(way, others, (-math.inf, math.inf), c)
+        for k in range(n):
             if (heeded[:, k] != bounds[:, k]).any():
-                begin = np.searchsorted(grid.times, grid.times[k] - EDGE_TIME)
+                begin = np.searchsorted(grid.times[:n], grid.times[k] - EDGE_TIME)
                 heeded[:, begin:] = edgeless[:, begin:]
                 break
-    gap, gap_speed = _gap(blocker, room, pace, path_stations, path_offsets, polygons, speeds, settings)
-    if blocker >= 0:
-        all_sides[near[blocker]] = 0  # the car waits for it
-    path = path_stations, path_offsets, right, left, all_sides, cost, blocker, room, settled
-    firmness = _firmness(stations, settled, pace, gentle and blocker == FREE)
-    return path, stations, offsets, slope, firmness, pace * curvature, bounds, heeded, gap, gap_speed
+    w.gap, w.gap_speed = _gap(path.blocker, path.room, pace, path.stations, path.offsets, polygons, speeds, p)
+    if path.blocker >= 0:
+        sides[path.blocker] = 0  # the car waits for it
+    firmness = _firmness(stations, path.settled, pace, gentle and not blocked)
+    for k in range(n):
+        w.speed[k], w.stations[k], w.path[k], w.heading[k] = speed, stations[k], offsets[k], slope[k]
+        w.firmness[k], w.turn_rate[k] = firmness[k], turn_rate[k]
+        for i in range(4):
+            w.bounds[i, k], w.heeded[i, k] = bounds[i, k], heeded[i, k]
+    for g in range(grid.groups):
+        w.group_speed[g] = speed
+    w.blocked = blocked
+    plan.layers = path.stations.shape[0]
+    for i in range(plan.layers):
+        plan.s[i], plan.l[i], plan.left[i], plan.right[i] = (
+            s + path.stations[i],
+            path.offsets[i],
+            path.left[i],
+            path.right[i],
+        )
+    _remember(near, sides, blocked, m, plan)
