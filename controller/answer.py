@@ -90,7 +90,7 @@ def answer(m, w, c, state, solved):
 @kernel
 def _speed(m, w, c, v):
     """Speed to hold, and free distance before what blocks the road."""
-    grid, target, distance = c.grid, m.cruise, math.inf
+    grid, target, distance = c.grid, min(m.cruise, w.bend_speed), math.inf
     horizon = grid.times[grid.nodes - 1]
     if w.blocked:
         distance = w.gap - c.standstill_gap
@@ -165,7 +165,7 @@ def _command(m, c):
     """The plan's angle one period ahead, less what the wheels have anyway, as the command to send."""
     plan, limit = m.plans[m.last], c.car.steer_limit
     angle = plan.states[1, 5] - (m.disturbance.actuator + m.disturbance.sensor)
-    if m.commanded:  # a plan of another moment or another offset must not make the wheels jump
+    if m.commanded and not c.grid.literal:  # a plan of another moment or offset must not make the wheels jump
         most = c.car.rate_limit * c.period
         angle = min(max(angle, m.command.steer_angle - most), m.command.steer_angle + most)
     angle = min(max(angle, -limit), limit)

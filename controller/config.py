@@ -45,6 +45,8 @@ class ControllerConfig:
             is within its limits for this speed and friction; empty for none.
         reject_disturbance: Learn steering offset and lateral force that the model lacks.
         comfort_braking: Deceleration used where the distance allows it, in [m/s^2].
+        bend_acceleration: Lateral acceleration that sets the speed in bends, in [m/s^2]; less where friction or
+            `validity` allow less.
         standstill_gap: Distance left to what blocks the road, in [m].
         max_lateral_acceleration: a_y,max of Eq. (14), in [m/s^2]; `paper` only.
         weight_steer: R of Eq. (15), which the paper does not give; below about 20 its closed loop oscillates
@@ -83,6 +85,7 @@ class ControllerConfig:
     validity: str = ""
     reject_disturbance: bool = True
     comfort_braking: Annotated[float, Range(0.01, 50.0, "m/s²")] = 3.0
+    bend_acceleration: Annotated[float, Range(0.01, 100.0, "m/s²")] = 4.0
     standstill_gap: Annotated[float, Range(0.0, 100.0, "m")] = 2.0
     max_lateral_acceleration: Annotated[float, Range(0.01, 100.0, "m/s²")] = 8.0
     weight_steer: Annotated[float, Range(1e-6, 1e6)] = 50.0

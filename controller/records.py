@@ -5,7 +5,7 @@ object code that needs nothing of its host. Arrays have room for the finest grid
 """
 
 import numpy as np
-from numba import config
+from numba.core import config
 from numpy.typing import NDArray
 
 from sidestep.controller.decision.lattice import LAYERS
@@ -24,6 +24,8 @@ DELAYS = 64
 """Room for commands on their way."""
 OBSTACLES = 64
 """Most obstacles that count in a step, the nearest first."""
+PROFILE = 128
+"""Stations of a speed profile."""
 SPEEDS = 64
 """Room for the speeds of a validity table."""
 
@@ -118,7 +120,7 @@ SETTINGS = np.dtype(
         ("peaks", F, (2,)),
         ("valid", N), ("valid_speeds", F, (SPEEDS,)), ("valid_accelerations", F, (SPEEDS,)),
         ("period", F), ("cruise", F), ("delay", N), ("rolls", B), ("rejects", B), ("buffer", F), ("tightening", F),
-        ("comfort_braking", F), ("standstill_gap", F), ("front", F),
+        ("comfort_braking", F), ("bend_acceleration", F), ("standstill_gap", F), ("front", F),
     ],
     align=True,
 )  # fmt: skip
@@ -150,6 +152,7 @@ WORK = np.dtype(
         ("before", F, (NODES + 1, STATES)), ("before_roll", F, (NODES + 1, 2)), ("age", F),
         ("speed", F, (NODES,)), ("turn_rate", F, (NODES,)), ("path", F, (NODES,)), ("heading", F, (NODES,)),
         ("firmness", F, (NODES,)), ("bounds", F, (4, NODES)), ("heeded", F, (4, NODES)), ("stations", F, (NODES,)),
+        ("profile_speed", F, (PROFILE,)), ("profile_step", F), ("bend_speed", F),
         ("gap", F), ("gap_speed", F), ("blocked", B),
         ("slip_limits", F, (2,)), ("forces", F, (GROUPS, 5)), ("generator", F, (STATES, 10)),
         ("exponential", F, (STATES, 10)), ("products", F, (4, STATES, 10)), ("runge_kutta", F, (6, STATES)),
@@ -171,7 +174,8 @@ WORK = np.dtype(
 def record(dtype: np.dtype) -> NDArray[np.void]:
     """One record of zeros, shape (1,), whose fields kernels reach by name."""
     made = np.zeros(1, dtype)
-    return made.view(np.recarray) if config.DISABLE_JIT else made
+    without_compiler = bool(getattr(config, "DISABLE_JIT", False))
+    return made.view(np.recarray) if without_compiler else made
 
 
 def filled(dtype: np.dtype, values: dict) -> NDArray[np.void]:

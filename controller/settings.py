@@ -18,8 +18,10 @@ from sidestep.controller.paper import STEP as PAPER_STEP
 from sidestep.controller.records import MOVES, NODES, SETTINGS, SLIP_NODES, SPEEDS, filled
 from sidestep.controller.validity import Validity
 from sidestep.plant_models.errors import InputError
-from sidestep.plant_models.vehicle.parameters import VehicleParameters
+from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 
+BEND_SHARE = 0.7
+"""Most of friction times gravity that a bend may take: the rest is for what lies in it."""
 TIGHTENING_TIME = 0.5
 """Time ahead from which on the full tightening is asked, in [s]."""
 
@@ -31,7 +33,7 @@ def settings_of(vehicle: VehicleParameters, c: ControllerConfig) -> NDArray[np.v
         InputError: The car cannot roll, the validity file cannot be used, or the period asks for too many nodes.
     """
     car = Car.of(vehicle, c.tyre_model == "affine", c.friction, Body.of(vehicle) if c.body_roll else None)
-    peaks = peak_slip(car.load_f, car), peak_slip(car.load_r, car)
+    peaks = peak_slip(car.stiffness_f, car.load_f, car), peak_slip(car.stiffness_r, car.load_r, car)
     return filled(SETTINGS, {
         "car": _fields(car), "planner": PlannerSettings.of(vehicle, c)._asdict(), "grid": _grid(vehicle, c),
         "weights": {
@@ -42,8 +44,15 @@ def settings_of(vehicle: VehicleParameters, c: ControllerConfig) -> NDArray[np.v
         "period": c.period, "cruise": math.nan if c.cruise_speed is None else c.cruise_speed,
         "delay": c.input_delay_steps, "rolls": c.body_roll, "rejects": c.reject_disturbance, "buffer": c.buffer,
         "tightening": c.tightening, "comfort_braking": c.comfort_braking, "standstill_gap": c.standstill_gap,
+        "bend_acceleration": min(c.bend_acceleration, BEND_SHARE * c.friction * GRAVITY, _least_valid(c)),
         "front": vehicle.front_extent,
     })  # fmt: skip
+
+
+def _least_valid(c: ControllerConfig) -> float:
+    """Lateral acceleration up to which the prediction is valid at any speed; infinite if nothing is known of that."""
+    validity = Validity.of(c)
+    return float(validity.by_speed(c.friction).min()) if validity else math.inf
 
 
 def _fields(car: Car) -> dict[str, Any]:

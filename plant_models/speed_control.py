@@ -11,7 +11,7 @@ SPEED_GAIN = 2.0
 
 
 @kernel
-def limited_acceleration(speed, target_speed, max_braking, max_acceleration):
+def limited_acceleration(speed: float, target_speed: float, max_braking: float, max_acceleration: float) -> float:
     """clip(SPEED_GAIN (target_speed - speed), -max_braking, max_acceleration), in [m/s^2]; for kernels."""
     return min(max(SPEED_GAIN * (target_speed - speed), -max_braking), max_acceleration)
 

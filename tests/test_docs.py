@@ -2,6 +2,7 @@
 
 import importlib
 import re
+import runpy
 from ast import literal_eval
 from dataclasses import fields
 from pathlib import Path
@@ -51,3 +52,8 @@ def test_sizes_in_the_data_flow_are_those_of_the_code():
 def test_links_between_files_lead_somewhere(page):
     links = re.findall(r"\]\((?!https?:|#)([^)#]+)", page.read_text(encoding="utf-8"))
     assert [link for link in links if not (page.parent / link).exists()] == []
+
+
+def test_page_of_numbers_is_that_of_the_code():
+    tool = runpy.run_path(str(ROOT / "tools" / "keys.py"))
+    assert (ROOT / "docs" / "keys.md").read_text(encoding="utf-8") == tool["page"]()

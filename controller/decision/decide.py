@@ -7,6 +7,7 @@ import numpy as np
 from sidestep.controller.decision.corridor import footprint_bounds, obstacle_polygons, path_reference
 from sidestep.controller.decision.lattice import LATERAL_STEP, LAYERS, arrival_times, layer_spacing
 from sidestep.controller.decision.planner import FREE, plan_path
+from sidestep.controller.decision.profile import drive_along, profile
 from sidestep.controller.mpc.prediction import along_road, sampled
 from sidestep.controller.records import OBSTACLES
 from sidestep.plant_models.kernels import kernel
@@ -158,7 +159,7 @@ def _firmness(stations, settled, pace, gentle):
 
 
 @kernel
-def _drive_ahead(pace, w, grid, road, offset, direction):
+def _drive_ahead(w, grid, road, offset, direction):
     """Stations of the nodes from the car on, the road's curvature there and its heading rate on the way there.
 
     A car that goes across the road gets less far along it, and one on the inside of a bend farther: (1) as it is.
@@ -166,6 +167,7 @@ def _drive_ahead(pace, w, grid, road, offset, direction):
     n, station, before = grid.nodes, 0.0, w.x0[1] + w.x0[2]
     stations, curvature, turn_rate = np.empty(n), np.empty(n), np.empty(n)
     for k in range(n):
+        pace = w.speed[k]
         half = 0.5 * pace * grid.steps[k]
         bend = curvature_at(road[0], road[1], w.station + station + half)
         progress = along_road(pace, bend, offset[k], 0.5 * (before + direction[k]))
@@ -181,10 +183,10 @@ def _drive_ahead(pace, w, grid, road, offset, direction):
 
 @kernel
 def _bounds(way, sides, edges, c):
-    stations, pace, direction, turn, curvature, polygons, speeds = way
+    stations, reach, direction, turn, curvature, polygons, speeds = way
     grid, n = c.grid, c.grid.nodes
     return footprint_bounds(
-        stations, grid.times[:n], 0.5 * pace * grid.steps[:n], c.buffer, grid.levers, grid.clearance[:n], direction,
+        stations, grid.times[:n], reach, c.buffer, grid.levers, grid.clearance[:n], direction,
         turn, curvature, polygons, speeds, sides, *edges,
     )  # fmt: skip
 
@@ -226,6 +228,17 @@ def _remember(near, sides, blocked, m, plan):
 
 
 @kernel
+def _choose_speeds(m, w, c, road, speed):
+    """Speeds of the prediction steps, and what a bend asks for; the literal paper holds its speed."""
+    if c.grid.literal:
+        w.speed[:], w.group_speed[:], w.bend_speed = speed, speed, math.inf
+        return
+    bends = profile(w, c, road, speed, m.cruise)
+    asked = drive_along(w, c.grid)
+    w.bend_speed = asked if bends else math.inf
+
+
+@kernel
 def decide(m, w, c, road, boxes, state, plan):
     """Search the path and bound the footprint along the prediction.
 
@@ -253,16 +266,19 @@ def decide(m, w, c, road, boxes, state, plan):
         sides[sides * committed < 0] = 0
 
     pace = max(speed, 0.0)
+    w.gap, w.gap_speed = _gap(path.blocker, path.room, pace, path.stations, path.offsets, polygons, speeds, p)
+    w.blocked = blocked
+    _choose_speeds(m, w, c, road, pace)
     direction, turn, offset = np.empty(n), np.empty(n), np.empty(n)
     for k in range(n):
         later = grid.times[k] + w.age
         offset[k] = sampled(w.before, 0, later, grid)
         direction[k] = sampled(w.before, 1, later, grid) + sampled(w.before, 2, later, grid)
-        turn[k] = sampled(w.before, 3, later, grid) / max(speed, 1.0)
-    stations, curvature, turn_rate = _drive_ahead(pace, w, grid, road, offset, direction)
+        turn[k] = sampled(w.before, 3, later, grid) / max(w.speed[k], 1.0)
+    stations, curvature, turn_rate = _drive_ahead(w, grid, road, offset, direction)
     offsets, slope = path_reference(path.stations, path.offsets, stations, max(1.0, SLOPE_TIME * pace))
     edges, coming = (p.right_edge, p.left_edge), _coming(polygons, speeds, p)
-    way = stations, pace, direction, turn, curvature, polygons, speeds
+    way = stations, 0.5 * w.speed[:n] * grid.steps[:n], direction, turn, curvature, polygons, speeds
     bounds = _bounds(way, sides, edges, c)
     heeded = bounds
     if coming.any():
@@ -274,18 +290,14 @@ def decide(m, w, c, road, boxes, state, plan):
                 begin = np.searchsorted(grid.times[:n], grid.times[k] - EDGE_TIME)
                 heeded[:, begin:] = edgeless[:, begin:]
                 break
-    w.gap, w.gap_speed = _gap(path.blocker, path.room, pace, path.stations, path.offsets, polygons, speeds, p)
     if path.blocker >= 0:
         sides[path.blocker] = 0  # the car waits for it
     firmness = _firmness(stations, path.settled, pace, gentle and not blocked)
     for k in range(n):
-        w.speed[k], w.stations[k], w.path[k], w.heading[k] = speed, stations[k], offsets[k], slope[k]
+        w.stations[k], w.path[k], w.heading[k] = stations[k], offsets[k], slope[k]
         w.firmness[k], w.turn_rate[k] = firmness[k], turn_rate[k]
         for i in range(4):
             w.bounds[i, k], w.heeded[i, k] = bounds[i, k], heeded[i, k]
-    for g in range(grid.groups):
-        w.group_speed[g] = speed
-    w.blocked = blocked
     plan.layers = path.stations.shape[0]
     for i in range(plan.layers):
         plan.s[i], plan.l[i], plan.left[i], plan.right[i] = (

@@ -225,13 +225,13 @@ def plan_path(station, offset, speed, cruise, polygons, speeds, committed, certa
         polygons, speeds, sides, p.right_edge, p.left_edge,
     )  # fmt: skip
     right, left = right + hard, left - hard
-    room = path_stations[max(min(blocked_from, LAYERS) - 1, 0)]
+    room = float(path_stations[max(min(blocked_from, LAYERS) - 1, 0)])
     if blocker < 0:
         squeezed = right > left + 1e-6
         for i in range(1, LAYERS + 1):
             # already squeezed at the start: beside it, not before it
             if narrow or (squeezed[i] and not squeezed[: i + 1].all()):
-                blocker, room = GAP_TOO_NARROW, path_stations[i - 1]
+                blocker, room = GAP_TOO_NARROW, float(path_stations[i - 1])
                 break
     return PlannedPath(path_stations, path, right, left, sides, least, blocker, room, settled)
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from sidestep.controller.mpc.roll import Body
 from sidestep.plant_models.kernels import kernel
-from sidestep.plant_models.tyres.formula import lateral_force
+from sidestep.plant_models.tyres.formula import cornering_stiffness, lateral_force
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 
 SLOPE_STEP = 1e-5
@@ -74,17 +74,18 @@ def axle_force(slip, stiffness, load, car, moved=0.0):
 
     Args:
         slip: Slip angle, in [rad].
-        stiffness, load: Of the axle, in [N/rad] and [N].
+        stiffness, load: Of the axle at rest, in [N/rad] and [N]: with either tyre model the slope at zero slip.
         car: Car.
         moved: Load that went from one wheel to the other, in [N]; none of it counts with linear tyres.
     """
     if not car.affine:
         return stiffness * slip
+    scale = 0.5 * stiffness / cornering_stiffness(0.5 * load, car.tyre)
     if moved == 0.0:
-        return 2.0 * lateral_force(slip, 0.5 * load, car.friction, car.tyre)
+        return 2.0 * lateral_force(slip, 0.5 * load, car.friction, car.tyre, scale)
     moved = min(abs(moved), MOST_MOVED * load)
-    force = lateral_force(slip, 0.5 * load + moved, car.friction, car.tyre)
-    return force + lateral_force(slip, 0.5 * load - moved, car.friction, car.tyre)
+    force = lateral_force(slip, 0.5 * load + moved, car.friction, car.tyre, scale)
+    return force + lateral_force(slip, 0.5 * load - moved, car.friction, car.tyre, scale)
 
 
 @kernel
@@ -114,12 +115,12 @@ def slip_angles(beta, yaw_rate, steer, speed, car):
 
 
 @kernel
-def peak_slip(load, car):
+def peak_slip(stiffness, load, car):
     """Slip angle at which the Magic Formula of an axle peaks, in [rad]; 45 deg if it never falls again."""
-    best, slip = 0.0, 0.0
+    best, slip, scale = 0.0, 0.0, 0.5 * stiffness / cornering_stiffness(0.5 * load, car.tyre)
     while slip < 0.25 * math.pi:
         slip += PEAK_STEP
-        force = lateral_force(slip, 0.5 * load, car.friction, car.tyre)
+        force = lateral_force(slip, 0.5 * load, car.friction, car.tyre, scale)
         if force < best:
             break
         best = force

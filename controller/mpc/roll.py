@@ -1,8 +1,9 @@
 """How the body rolls, and what the tyres feel of it.
 
-The springs let the body lean out of a turn, about an axis on the ground: the wheels then move sideways under the
-centre of gravity, which changes every slip angle, and load goes to the outer wheels, which costs force. Roll is
-no state of the prediction: it follows, as a linear oscillator, from the lateral acceleration of the last plan.
+The springs let the body lean out of a turn, about the axis through the roll centres of both axles: the wheels then
+move sideways under the centre of gravity, which changes every slip angle, and load goes to the outer wheels, which
+costs force. What goes through the roll centres needs no lean. Roll is no state of the prediction: it follows, as a
+linear oscillator, from the lateral acceleration of the last plan.
 """
 
 import math
@@ -10,7 +11,7 @@ from typing import NamedTuple
 
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.kernels import kernel
-from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
+from sidestep.plant_models.vehicle.parameters import AXLES, GRAVITY, VehicleParameters
 
 ROLL_STEP = 0.01
 """Step of the oscillator, in [s]."""
@@ -20,9 +21,10 @@ class Body(NamedTuple):
     """Oscillator der(rate) = gain a_y - stiffness angle - damping rate, and load moved per angle and rate of an axle.
 
     Attributes:
-        height: Of the centre of gravity over the roll axis, in [m]; 0 if nothing rolls.
+        height: Of the centre of gravity over the roll axis below it, in [m]; 0 if nothing rolls.
         gain, stiffness, damping: In [rad/m], [1/s^2], [1/s].
-        front, rear: Load that goes from the inner to the outer wheel, in [N/rad] and [N s/rad].
+        front, rear: Load that goes from the inner to the outer wheel, in [N/rad] and [N s/rad]. What the roll
+            centre takes is in it, for the lateral acceleration that goes with this roll.
     """
 
     height: float = 0.0
@@ -42,20 +44,30 @@ class Body(NamedTuple):
         data = vehicle.suspension
         if data is None:
             raise InputError("controller.body_roll", f"{vehicle.name} has no suspension data", "[suspension]")
-        height, axles, stiffness, damping, inertia = vehicle.cg_height, [], 0.0, 0.0, data.roll_inertia
-        for axle in ("front", "rear"):
+        springy, centres, stiffness, damping, inertia = [], [], 0.0, 0.0, data.roll_inertia
+        height = vehicle.cg_height
+        for axle in AXLES:
             track, (springs, dampers) = getattr(data, f"track_{axle}"), data.roll_of_axle(axle)
             tyres = 0.5 * data.tyre_stiffness * track**2
             part = tyres / (springs + tyres)  # of roll that the suspension takes
             held, damped = springs * part, dampers * part**2
-            axles.append((held / track, damped / track))
+            springy.append((held / track, damped / track))
+            carried = vehicle.axle_load(axle) / GRAVITY - getattr(data, f"unsprung_mass_{axle}")
+            moment = carried * getattr(data, f"roll_centre_{axle}")  # per lateral acceleration
+            height -= moment / vehicle.mass
+            centres.append(moment / track)
             stiffness, damping = stiffness + held, damping + damped
             inertia += 0.25 * getattr(data, f"unsprung_mass_{axle}") * track**2
         upright = stiffness - vehicle.mass * GRAVITY * height
         if upright <= 0.0:
             raise InputError("vehicle.suspension", f"roll stiffness {stiffness:.0f} N m/rad of springs and tyres",
                              f"> {stiffness - upright:.0f}, the moment of the car's weight")  # fmt: skip
-        return cls(height, vehicle.mass * height / inertia, upright / inertia, damping / inertia, *axles)
+        gain = vehicle.mass * height / inertia
+        axles = [
+            (by_angle + centre * upright / inertia / gain, by_rate + centre * damping / inertia / gain)
+            for (by_angle, by_rate), centre in zip(springy, centres, strict=True)
+        ]
+        return cls(height, gain, upright / inertia, damping / inertia, *axles)
 
 
 @kernel

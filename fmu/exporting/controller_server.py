@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sidestep.controller import ControllerConfig, SteeringController
 from sidestep.fmu.exporting.controller_variables import FIXED, NAMES, OUTPUTS, STATE, TUNABLE
@@ -128,7 +129,7 @@ class ControllerServer:
 
 
 @kernel
-def clearance(x, y, yaw, ahead, a, b, boxes):
+def clearance(x: float, y: float, yaw: float, ahead: float, a: float, b: float, boxes: NDArray[np.float64]) -> float:
     """Distance in [m] from the car to the nearest box, 0 if they overlap, at most `NOTHING_NEAR`.
 
     Args:
@@ -145,7 +146,10 @@ def clearance(x, y, yaw, ahead, a, b, boxes):
 
 
 @kernel
-def box_distance(x, y, heading, a, b, x_2, y_2, heading_2, a_2, b_2):
+def box_distance(
+    x: float, y: float, heading: float, a: float, b: float,
+    x_2: float, y_2: float, heading_2: float, a_2: float, b_2: float,
+) -> float:  # fmt: skip
     """Distance in [m] between two boxes, 0 if they overlap.
 
     Args:

@@ -113,7 +113,7 @@ class LinearPlant:
 
 
 @kernel
-def steered(steer, command, elapsed, time_constant, rate_limit):
+def steered(steer: float, command: float, elapsed: float, time_constant: float, rate_limit: float) -> float:
     """Road-wheel angle [rad] after `elapsed` seconds of a first-order lag behind a rate limit; exact."""
     gap = command - steer
     lag = rate_limit * time_constant

@@ -32,7 +32,7 @@ _BLOCK = 16  # pieces that the search for the nearest point rules out at once
 
 
 @kernel
-def advance(heading, curvature, sharpness, u):
+def advance(heading: float, curvature: float, sharpness: float, u: float) -> tuple[float, float]:
     """Way (dx, dy) along a clothoid that starts with `heading` and `curvature`, after arc length `u`, in [m]."""
     dx = dy = 0.0
     for i in range(5):
@@ -69,7 +69,7 @@ def _row(table, s):
 
 
 @kernel
-def curvature_at(table, period, s):
+def curvature_at(table: Array, period: float, s: float) -> float:
     """Curvature at arc length `s` of any lap, in [1/m]; 0 outside an open path."""
     if period > 0.0:
         s -= np.floor(s / period) * period
@@ -78,7 +78,7 @@ def curvature_at(table, period, s):
 
 
 @kernel
-def pose_at(table, period, s):
+def pose_at(table: Array, period: float, s: float) -> tuple[float, float, float, float]:
     """Point, continuous heading and curvature at arc length `s`: x, y, heading, curvature in [m, m, rad, 1/m]."""
     turn = 0.0
     if period > 0.0:
@@ -98,14 +98,14 @@ def pose_at(table, period, s):
 
 
 @kernel
-def point_at(table, period, s, offset):
+def point_at(table: Array, period: float, s: float, offset: float) -> tuple[float, float, float]:
     """World point beside the path, and the path's heading there: x, y, heading in [m, m, rad]."""
     x, y, heading, _ = pose_at(table, period, s)
     return x - offset * math.sin(heading), y + offset * math.cos(heading), heading
 
 
 @kernel
-def project_at(table, period, x, y, near):
+def project_at(table: Array, period: float, x: float, y: float, near: float) -> tuple[float, float, float]:
     """Foot of the perpendicular from a point to the path.
 
     Args:
@@ -227,7 +227,7 @@ def _nearest(table, period, x, y):
 
 
 @kernel
-def lay(table, x, y, heading, pieces):
+def lay(table: Array, x: float, y: float, heading: float, pieces: Array) -> None:
     """Write the pieces one after another into a table, from a start pose on.
 
     Args:
@@ -248,7 +248,7 @@ def lay(table, x, y, heading, pieces):
 
 
 @kernel
-def fit(chord, start, end):
+def fit(chord: float, start: float, end: float) -> tuple[float, float, float]:
     """The clothoid piece between two poses: length, curvature at the start, sharpness.
 
     Bertolazzi and Frego, G1 fitting with clothoids (2015): find the a = sharpness L^2 / 2 at which

@@ -200,7 +200,7 @@ class ReferencePath:
     def to_cartesian(self, s: Array, offset: Array | float) -> tuple[Array, Array]: ...
     @overload
     def to_cartesian(self, s: float, offset: Array) -> tuple[Array, Array]: ...
-    def to_cartesian(self, s, offset):
+    def to_cartesian(self, s: Any, offset: Any) -> Any:
         """World point x, y [m] at arc length s [m] and lateral offset l [m], positive to the left."""
         if _are_numbers(s, offset):
             return point_at(self.table, self.period, float(s), float(offset))[:2]
@@ -212,7 +212,7 @@ class ReferencePath:
     def project(self, x: float, y: float, near: float | None = None) -> tuple[float, float, float]: ...
     @overload
     def project(self, x: Array, y: Array, near: Array | float | None = None) -> tuple[Array, Array, Array]: ...
-    def project(self, x, y, near=None):
+    def project(self, x: Any, y: Any, near: Any = None) -> Any:
         """Road coordinates s, l [m] of world points and the heading [rad] of the road there.
 
         Args:

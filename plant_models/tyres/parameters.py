@@ -14,7 +14,7 @@ _PUBLISHED_KY1 = 21.92
 _KY2 = 1.6
 
 
-Coefficient = Annotated[float, Range(-1e3, 1e3)]
+Coefficient = Annotated[float, Range(-1e5, 1e5)]  # published: RVY1 = -1410
 Positive = Annotated[float, Range(0.01, 1e3)]
 Length = Annotated[float, Range(0.001, 10.0, "m")]
 
@@ -36,6 +36,7 @@ class TyreParameters:
         p_ky2: Load, in units of nominal_load, at which the cornering stiffness peaks; 0 means
             a stiffness proportional to load, p_ky1 F_z, as in the published subset.
         p_ky6, p_ky7: Camber stiffness, over load.
+        p_hy3: Shift by camber, as MF-Tyre 5.2 has it; 6.1 lets it follow from p_ky6 and p_vy3.
         p_h.., p_v..: Horizontal and vertical shifts of pure slip.
         r_..: Weights of combined slip; r_vy..: lateral force induced by longitudinal slip.
         q_.., s_sz..: Aligning moment; none at all with q_cz1 = 0.
@@ -135,6 +136,7 @@ class TyreParameters:
     s_sz2: Coefficient = 0.0
     s_sz3: Coefficient = 0.0
     s_sz4: Coefficient = 0.0
+    p_hy3: Coefficient = 0.0
 
     def __post_init__(self) -> None:
         check(self, "vehicle.tyre")

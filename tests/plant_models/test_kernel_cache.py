@@ -27,6 +27,7 @@ print(value, hits, reference_path.__file__)
 def copy(tmp_path):
     """Folder of a copy of `plant_models` that is imported as the product is."""
     shutil.copytree(PACKAGE, tmp_path / "sidestep/plant_models", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(PACKAGE.parent / "__init__.py", tmp_path / "sidestep")
     return tmp_path / "sidestep/plant_models"
 
 

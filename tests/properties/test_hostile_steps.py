@@ -69,7 +69,7 @@ def torment(steps: int, seed: int, settings: dict) -> Counter:
         assert math.isfinite(command.steer_angle + command.target_speed + command.time)
         assert abs(command.steer_angle) <= BMW.steer_limit
         assert command.target_speed >= 0.0 or command.status is not Status.FAULT
-        if last is not None:
+        if last is not None and config.formulation != "paper":  # which knows no bound of the rate
             assert abs(command.steer_angle - last) <= BMW.steer_rate_limit * config.period * (1.0 + 1e-9)
         last = command.steer_angle
         assert np.isfinite(numbers(controller.plan)).all()

@@ -18,10 +18,10 @@ from sidestep.plant_models.errors import InputError
 from sidestep.validation.campaigns.campaign import Campaign, Case, cases, scenario_of
 from sidestep.validation.campaigns.journal import Row, open_journal, read_journal
 from sidestep.validation.campaigns.rows import check_rows
-from sidestep.validation.cli.console import progress_bar
+from sidestep.validation.console import progress_bar
+from sidestep.validation.judge.simulate import simulate
 from sidestep.validation.judge.summary import versions
 from sidestep.validation.judge.verdict import Judgement
-from sidestep.validation.loop.closed_loop import simulate
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.scenarios.scenario import Scenario
 
@@ -48,7 +48,7 @@ def figures(scenario: Scenario, recording: Recording, judgement: Judgement) -> R
     """What a row keeps of a run; `margin_m` is the smaller one of the clearances to obstacles and edges."""
     gap, edge = judgement.min_clearance, judgement.min_edge_clearance
     row = {
-        "passed": judgement.passed,
+        "verdict": judgement.verdict.value,
         "label": judgement.label,
         "end": recording.end.value,
         "margin_m": edge if gap is None else min(gap, edge),
@@ -66,7 +66,7 @@ def figures(scenario: Scenario, recording: Recording, judgement: Judgement) -> R
 
 def failure(case: Case, error: str) -> Row:
     """The row of a case that could not be run."""
-    return {**asdict(case), "passed": False, "label": ERROR, "end": ERROR, "margin_m": None, "error": error}
+    return {**asdict(case), "verdict": "fail", "label": ERROR, "end": ERROR, "margin_m": None, "error": error}
 
 
 def _peak(values: np.ndarray) -> float:

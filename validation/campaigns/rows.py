@@ -5,7 +5,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
@@ -21,7 +21,7 @@ class _Result:
     row: int
     seed: int
     values: dict[str, Any]
-    passed: bool
+    verdict: Literal["pass", "fail", "inconclusive"]
     label: str
     margin_m: float | None
     error: str | None
@@ -67,9 +67,10 @@ def _problem(result: _Result, every: Sequence[Case], seen: set[int]) -> str:
         return f"was run with {keys[0]} = {result.values.get(keys[0])}, not {asked.get(keys[0])}"
     if result.margin_m is not None and not math.isfinite(result.margin_m):
         return f"has a margin_m of {result.margin_m}"
-    if result.passed and result.error:
+    passed = result.verdict == "pass"
+    if passed and result.error:
         return f"says that it passed, with error {result.error!r}"
-    if result.passed and result.margin_m is not None and result.margin_m < 0.0:
+    if passed and result.margin_m is not None and result.margin_m < 0.0:
         return f"says that it passed, with margin_m {result.margin_m}"
     return ""
 

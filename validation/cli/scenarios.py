@@ -23,7 +23,7 @@ def add_import(commands: argparse._SubParsersAction) -> None:
 
 
 def _scenarios(options: argparse.Namespace) -> int:
-    from sidestep.validation.scenarios.scenario import built_in_scenarios, load_scenario
+    from sidestep.validation.scenarios.library import built_in_scenarios, outline
 
     if options.schema:
         from sidestep.validation.scenarios.schema import schema
@@ -31,8 +31,8 @@ def _scenarios(options: argparse.Namespace) -> int:
         print(json.dumps(schema(), indent=2))
         return 0
     for name in built_in_scenarios():
-        scenario = load_scenario(name)
-        print(f"{name:18}{scenario.speed:5.1f} m/s  {scenario.path.length:4.0f} m  {scenario.description}")
+        one = outline(name)
+        print(f"{name:18}{one.speed:5.1f} m/s  {one.length:4.0f} m  {one.description}")
     return 0
 
 

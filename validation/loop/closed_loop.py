@@ -1,13 +1,18 @@
-"""A scenario's closed loop without anything around it: no bus, no window, no files."""
+"""The one way from a scenario to its closed loop: the controller, what it is told of the plant, and the drive.
+
+Whoever drives a scenario takes `open_controller` or `closed_loop`; nobody else makes a controller of one, so that
+nothing that a scenario says of controller, sensors or plant is left out.
+"""
 
 import math
+from contextlib import nullcontext
 
 from sidestep.controller import SteeringController
 from sidestep.plant_models.obstacle import FOREVER, Obstacle
+from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.validation.judge.verdict import Judgement, judge
-from sidestep.validation.loop.cosimulation import cosimulate
-from sidestep.validation.loop.measurement import ImperfectMeasurement
+from sidestep.validation.loop.cosimulation import Controller, Coupling, Port, cosimulate
+from sidestep.validation.loop.measurement import ImperfectMeasurement, sensed
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.scenarios.scenario import Scenario
@@ -15,13 +20,11 @@ from sidestep.validation.scenarios.scenario import Scenario
 _BEHIND = -1e6  # where no obstacle matters any more, in [m]
 
 
-def open_controller(scenario: Scenario) -> SteeringController | ImperfectMeasurement:
-    """The scenario's controller, behind its sensors."""
+def bare_controller(scenario: Scenario) -> SteeringController:
+    """The scenario's controller; whoever gives it the state stands for the sensors."""
     moving = any(o.moves and (o.trajectory or o.appears > 0.0 or o.vanishes < FOREVER) for o in scenario.obstacles)
     kind = SeesPresent if moving else SteeringController
-    controller = kind(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
-    imperfect = scenario.plant.noise or scenario.plant.measured_offset
-    return ImperfectMeasurement(controller, scenario) if imperfect else controller
+    return kind(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
 
 
 class SeesPresent(SteeringController):
@@ -42,13 +45,29 @@ def _as_if_constant(obstacle: Obstacle, time: float) -> tuple[float, ...]:
     return now.s - now.speed * time, now.l, now.length, now.width, now.heading, now.speed
 
 
-def simulate(scenario: Scenario) -> tuple[Recording, Judgement]:
-    """Drive and judge a scenario.
+def open_controller(scenario: Scenario) -> SteeringController | ImperfectMeasurement:
+    """The scenario's controller, behind its sensors."""
+    return sensed(bare_controller(scenario), scenario)
+
+
+def closed_loop(
+    scenario: Scenario,
+    plant: Plant | None = None,
+    controller: Controller | None = None,
+    port: Port | None = None,
+    coupling: Coupling = "zero-delay",
+) -> Recording:
+    """Drive a scenario without a window or files.
+
+    Args:
+        scenario: What to drive.
+        plant: One that is open, and stays so; None opens the scenario's.
+        controller: None makes the scenario's, behind its sensors.
+        port, coupling: See `cosimulate`.
 
     Raises:
-        InputError: The plant cannot be used.
+        InputError: The plant cannot be used, or does not start where it is put.
         PlantError: The plant cannot be built or cannot start.
     """
-    with open_plant(scenario) as plant:
-        recording = cosimulate(open_controller(scenario), plant, scenario)
-    return recording, judge(recording, scenario)
+    with nullcontext(plant) if plant else open_plant(scenario) as car:
+        return cosimulate(controller or open_controller(scenario), car, scenario, port, coupling)

@@ -16,7 +16,8 @@ class PlantSettings:
     """The table `plant` of a scenario file.
 
     Attributes:
-        kind: linear, single-track, double-track, mujoco, or an .fmu file, found from the scenario file's folder.
+        kind: linear, single-track, double-track, mujoco, an .fmu file, found from the scenario file's folder,
+            `package.module:factory`, or the name that an installed package gives its plant.
         friction: Road friction as a factor on the tyres' peak; of an .fmu file its parameter `friction`.
         tyre: What shears the tyres of MuJoCo's car, see `MujocoPlant`.
         grade, bank: Rise of its road per metre along x and along y.
@@ -26,10 +27,12 @@ class PlantSettings:
         steer_offset: Added to every commanded road-wheel angle, in [rad]: a misaligned steering, which the
             reported angle does not show.
         mass, stiffness: Of the plant's car and of its tyres, as factors on what the controller knows.
+        roll_centre: By which the roll centres of the plant's car lie above those that the controller knows, in [m].
         delay: Until a command reaches the steering and the drive, in [s].
         noise: Of the state that the controller gets, in multiples of `measurement.NOISE`; the judge sees the true one.
         noise_seed: Of that noise.
         measured_offset: By which that state lies to the left of where the car is, in [m].
+        accept_start: Drive a plant that does not start where it is put from where it does; refused otherwise.
         isolate: Time limit of a step of an FMU that runs in a process of its own, in [s]; 0 to run it here.
     """
 
@@ -44,16 +47,18 @@ class PlantSettings:
     steer_offset: Annotated[float, Range(-1.0, 1.0, "rad")] = 0.0
     mass: Factor = 1.0
     stiffness: Factor = 1.0
+    roll_centre: Annotated[float, Range(0.0, 1.0, "m")] = 0.0
     delay: Annotated[float, Range(0.0, 5.0, "s")] = 0.0
     noise: Annotated[float, Range(0.0, 1e3)] = 0.0
     noise_seed: Annotated[int, Range(0, 2**63 - 1)] = 0
     measured_offset: Annotated[float, Range(-100.0, 100.0, "m")] = 0.0
     isolate: Annotated[float, Range(0.0, 3600.0, "s")] = 0.0
+    accept_start: bool = False
 
     @property
     def name(self) -> str:
-        """For tables and file names: the kind, or the file's name without folder and ending."""
-        return Path(self.kind).stem
+        """For tables and file names: the kind, the file's name without folder and ending, or the factory's."""
+        return self.kind.rpartition(":")[2] if ":" in self.kind else Path(self.kind).stem
 
     @property
     def surface(self) -> Surface:

@@ -11,22 +11,25 @@ import numpy as np
 from msgspec import Meta
 
 from sidestep.controller import ControllerConfig
+from sidestep.fmu.importing.mapping import vehicle_table
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.ranges import Range
 from sidestep.plant_models.road.reference_path import ReferencePath
 from sidestep.plant_models.signals import VehicleState
-from sidestep.plant_models.tyres.property_file import read_tyre
-from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.judge.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
+from sidestep.plant_models.vehicle.parameters import VehicleParameters, require_one_stiffness
+from sidestep.plant_models.vehicle.table import WHOLE, vehicle_from_table
+from sidestep.validation.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
 from sidestep.validation.scenarios.goal import Goal, goal
+from sidestep.validation.scenarios.library import read_scenario
 from sidestep.validation.scenarios.plant_settings import PlantSettings, plant_settings
-from sidestep.validation.scenarios.readers.formats import ENDINGS, read_foreign, to_toml
+from sidestep.validation.scenarios.readers.formats import ENDINGS, read_foreign
 from sidestep.validation.scenarios.road_table import road_path
-from sidestep.validation.scenarios.tables import checked, did_you_mean, file_at, override
+from sidestep.validation.scenarios.tables import checked, file_at, override
 from sidestep.validation.scenarios.traffic import obstacle, placed
 
-_BUILT_IN = Path(__file__).parent / "built_in"
+ELSEWHERE = ("width_left", "width_right", "cruise_speed")
+"""Settings of the controller that the tables of road and scenario hold."""
 
 Speed = Annotated[float, Range(0.01, 150.0, "m/s")]
 
@@ -121,11 +124,6 @@ class StartTable:
     yaw_rate: Annotated[float, Range(-10.0, 10.0, "rad/s")] = 0.0
 
 
-def built_in_scenarios() -> tuple[str, ...]:
-    """Names of the scenarios that come with the package."""
-    return tuple(sorted(file.stem for file in _BUILT_IN.glob("*.toml")))
-
-
 def load_scenario(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
     """Read a scenario.
 
@@ -152,32 +150,6 @@ def _parameter(change: str) -> list[tuple[str, str]]:
     key, separator, value = change.partition("=")
     prefix, dot, name = key.strip().partition(".")
     return [(name, value.strip())] if separator and dot and prefix == "parameters" else []
-
-
-def read_scenario(name_or_path: str | Path, folder: Path = Path()) -> tuple[Path, str]:
-    """File and text of a scenario; a built-in one stands as if in `folder`, for the files that overrides name.
-
-    Args:
-        name_or_path: One of `built_in_scenarios()`, a TOML file, a CommonRoad .xml or an OpenSCENARIO .xosc file.
-        folder: From which the file is found.
-
-    Raises:
-        InputError: There is none, or it cannot be read.
-    """
-    name, known = str(name_or_path), built_in_scenarios()
-    if name in known:
-        return folder / f"{name}.toml", (_BUILT_IN / f"{name}.toml").read_text(encoding="utf-8")
-    file = folder / name
-    if not file.is_file():
-        problem = f"no built-in scenario and no file {name!r}{did_you_mean(name, known)}"
-        raise InputError("scenario", problem, f"{', '.join(known)}, or a TOML, .xml or .xosc file")
-    if file.suffix.lower() in ENDINGS:
-        imported = read_foreign(file)
-        return file, to_toml(imported.tables, imported.notes)
-    try:
-        return file, file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(str(file), f"no readable TOML file ({error})") from error
 
 
 def parse_scenario(
@@ -221,6 +193,7 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
     x, y, yaw = placed(path, start.s, start.l, start.heading)
     speed = top.speed if start.speed is None else start.speed
     v_x, v_y = speed * math.cos(start.sideslip), speed * math.sin(start.sideslip)
+    plant = plant_settings(top.plant, file.parent)
     scenario = Scenario(
         name=top.name,
         speed=top.speed,
@@ -229,11 +202,11 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
         start=VehicleState(0.0, x, y, yaw, v_x, v_y, start.yaw_rate),
         obstacles=tuple(obstacles),
         goal=goal(top.goal, path),
-        vehicle=_vehicle(top.vehicle, file.parent),
+        vehicle=_vehicle(told_car(top.vehicle, plant), file.parent),
         controller=config,
         controller_preset=preset,
         description=top.description,
-        plant=plant_settings(top.plant, file.parent),
+        plant=plant,
         tables=tables,
         folder=file.parent,
     )  # fmt: skip
@@ -242,24 +215,25 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
 
 
 def _vehicle(table: dict[str, Any], folder: Path) -> VehicleParameters:
+    require_one_stiffness(table)
     names = {"preset": str, "file": str, "tyre_file": str}
     values = checked(VehicleParameters, table, "vehicle", partial=True, also=names)
-    preset, file, tyre_file = values.pop("preset", "bmw-320i"), values.pop("file", ""), values.pop("tyre_file", "")
-    base = VehicleParameters.preset(preset)
-    if file:
-        base = VehicleParameters.from_file(file_at(folder, file, "vehicle.file"))
-    if tyre_file:
-        base = base.with_(tyre=read_tyre(file_at(folder, tyre_file, "vehicle.tyre_file")))
-    for name in ("tyre", "suspension"):
-        if name in values:
-            values[name] = replace(getattr(base, name), **values[name])
-    return base.with_(**values)
+    for key in ("file", "tyre_file"):
+        if values.get(key):
+            file_at(folder, values[key], f"vehicle.{key}")
+    return vehicle_from_table(values, folder)
+
+
+def told_car(vehicle: dict[str, Any], plant: PlantSettings) -> dict[str, Any]:
+    """The table `vehicle` of a scenario, on that of the mapping file of its plant unless it tells a whole car."""
+    if not plant.map or not Path(plant.map).is_file() or any(key in vehicle for key in WHOLE):
+        return vehicle
+    return vehicle_table(Path(plant.map)) | vehicle
 
 
 def _controller(table: dict[str, Any], path: ReferencePath, speed: float) -> tuple[str, ControllerConfig]:
-    left, right = path.edges.narrowest
-    elsewhere = {"width_left": left, "width_right": right, "cruise_speed": speed}
-    values = checked(ControllerConfig, table, "controller", partial=True, also={"preset": str}, without=elsewhere)
+    elsewhere = dict(zip(ELSEWHERE, (*path.edges.narrowest, speed), strict=True))
+    values = checked(ControllerConfig, table, "controller", partial=True, also={"preset": str}, without=ELSEWHERE)
     preset = values.pop("preset", "default")
     return preset, ControllerConfig.preset(preset, **elsewhere, **values)
 

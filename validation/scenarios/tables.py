@@ -1,6 +1,5 @@
 """Tables of a TOML file checked against dataclasses, and overrides by dotted key; every error names its key."""
 
-import difflib
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -11,14 +10,8 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 
-from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.errors import InputError, did_you_mean
 from sidestep.plant_models.ranges import Range, range_of
-
-
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """`, did you mean X?` for the closest known word, or nothing."""
-    close = difflib.get_close_matches(word, list(known), n=1)
-    return f", did you mean {close[0]}?" if close else ""
 
 
 def checked(

@@ -10,8 +10,8 @@ from rich.table import Table
 
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.files import complete_path, made, written_to
+from sidestep.validation.judge.simulate import simulate
 from sidestep.validation.judge.verdict import Judgement
-from sidestep.validation.loop.closed_loop import simulate
 from sidestep.validation.report.style import BLUE, GREEN, ORANGE, RED, styled
 from sidestep.validation.scenarios.readers.openscenario.reader import variations
 from sidestep.validation.scenarios.readers.safe_xml import read_xml

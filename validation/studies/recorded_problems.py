@@ -10,6 +10,7 @@ from sidestep.controller import SteeringController
 from sidestep.controller.memory import restored
 from sidestep.controller.mpc.piqp_solver import Problem
 from sidestep.plant_models.signals import VehicleState
+from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.scenarios.random_scenes import random_scene
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario, parse_scenario
@@ -58,7 +59,7 @@ def _stepped(controller: SteeringController, state: VehicleState, name: str, ste
 def drive(name: str, scenario: Scenario) -> Iterator[Recorded]:
     """The QPs of a drive on the linear plant."""
     period = scenario.controller.period
-    controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
+    controller = bare_controller(scenario)
     with open_plant(scenario) as plant:
         state = plant.reset(scenario.start)
         for step in range(round(scenario.duration / period)):
@@ -70,7 +71,7 @@ def drive(name: str, scenario: Scenario) -> Iterator[Recorded]:
 def hostile(seed: int, steps: int = HOSTILE_STEPS) -> Iterator[Recorded]:
     """The QPs of states that are finite and nothing else: each step the car is somewhere else."""
     scenario, random = load_scenario("double-obstacle"), np.random.default_rng(seed)
-    controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
+    controller = bare_controller(scenario)
     for step in range(steps):
         size = 10.0 ** random.uniform(-2.0, 1.0)
         x, y, yaw, v_x, v_y, yaw_rate, angle = random.normal(0.0, (20.0, 1.0, 0.3, 10.0, 1.0, 0.5, 0.2)) * size

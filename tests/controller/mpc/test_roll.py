@@ -22,6 +22,8 @@ from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 
 BMW = VehicleParameters.preset("bmw-320i")
 BODY = Body.of(BMW)
+assert BMW.suspension
+RAISED = BMW.with_(suspension=replace(BMW.suspension, roll_centre_front=0.1, roll_centre_rear=0.2))
 CAR = Car.of(BMW, True, 1.0, BODY)
 PERIOD = 0.02
 
@@ -51,21 +53,43 @@ def test_oscillator_is_that_of_the_equation():
     assert errors[1] < 0.6 * errors[0]
 
 
-def test_mujoco_car_rolls_as_told():
-    """A sine of steering: roll angle of the multibody car against the oscillator driven by its lateral acceleration."""
-    plant, roll, pairs, t = MujocoPlant(BMW), (0.0, 0.0), [], 0.0
+def test_a_raised_roll_axis_leaves_less_to_roll_and_the_same_to_carry():
+    high, angle = Body.of(RAISED), 0.0
+    assert RAISED.suspension
+    carried = [BMW.axle_load(axle) / GRAVITY - RAISED.suspension.unsprung_mass_front for axle in ("front", "rear")]
+    axis = (0.1 * carried[0] + 0.2 * carried[1]) / BMW.mass
+    assert high.height == pytest.approx(BMW.cg_height - axis)
+    angle, rate = advance_roll(0.0, 0.0, 5.0, 10.0, high)
+    _, front, rear = felt(angle, rate, high)
+    moment = front * RAISED.suspension.track_front + rear * RAISED.suspension.track_rear
+    assert moment == pytest.approx(BMW.mass * (BMW.cg_height * 5.0 + high.height * GRAVITY * angle), rel=1e-6)
+    assert angle < 0.8 * advance_roll(0.0, 0.0, 5.0, 10.0, BODY)[0]
+
+
+@pytest.mark.parametrize("car", [BMW, RAISED], ids=["axis on the ground", "raised axis"])
+def test_mujoco_car_rolls_and_moves_load_as_told(car):
+    """A sine of steering: roll and load transfer of the multibody car against the oscillator, driven by its a_y."""
+    body = Body.of(car)
+    plant, roll, pairs, loads, t = MujocoPlant(car), (0.0, 0.0), [], [], 0.0
     state = plant.reset(VehicleState(v_x=15.0))
     for _ in range(150):
         command = SteeringCommand(t, 0.04 * math.sin(4.0 * t), 15.0)
         new = plant.step(command, PERIOD)
         lateral = (new.v_y - state.v_y) / PERIOD + 15.0 * 0.5 * (new.yaw_rate + state.yaw_rate)
-        roll = advance_roll(*roll, lateral, PERIOD, BODY)
+        roll = advance_roll(*roll, lateral, PERIOD, body)
         state, t = new, t + PERIOD
+        load = plant.signals()
+        loads.append(
+            (*felt(*roll, body)[1:], *(0.5 * (load[f"load_{a}r"] - load[f"load_{a}l"]) for a in ("f", "r")))
+        )  # fmt: skip
         w, x, y, z = plant.data.qpos[3:7]
         pairs.append((roll[0], math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))))
     told, real = np.array(pairs).T
     assert np.abs(real).max() > 0.03
     assert np.abs(told - real).max() < 0.1 * np.abs(real).max()
+    told_f, told_r, real_f, real_r = np.array(loads).T
+    for told, real in ((told_f, real_f), (told_r, real_r)):
+        assert np.abs(told - real).max() < 0.15 * np.abs(real).max()
 
 
 def test_roll_along_a_steady_turn_grows_to_the_steady_angle():

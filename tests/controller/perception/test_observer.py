@@ -117,7 +117,7 @@ def test_peak_slip_is_the_maximum_of_the_axle_force():
         car = CAR._replace(friction=friction)
         slip = np.linspace(0.0, 0.5, 5001)
         force = [axle_force(alpha, car.stiffness_f, car.load_f, car) for alpha in slip]
-        assert peak_slip(car.load_f, car) == pytest.approx(slip[int(np.argmax(force))], abs=2e-3)
+        assert peak_slip(car.stiffness_f, car.load_f, car) == pytest.approx(slip[int(np.argmax(force))], abs=2e-3)
 
 
 def test_standing_car_is_not_observed():

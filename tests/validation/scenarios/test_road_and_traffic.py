@@ -5,8 +5,9 @@ import pytest
 
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.validation.judge.geometry import FAR, obstacle_boxes, obstacle_poses
-from sidestep.validation.loop.closed_loop import SeesPresent, open_controller, simulate
+from sidestep.validation.geometry import FAR, obstacle_boxes, obstacle_poses
+from sidestep.validation.judge.simulate import simulate
+from sidestep.validation.loop.closed_loop import SeesPresent, open_controller
 from sidestep.validation.loop.recording import End
 from sidestep.validation.scenarios.scenario import parse_scenario
 

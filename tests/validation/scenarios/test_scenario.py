@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.validation.judge.geometry import car_boxes, obstacle_boxes, signed_clearance
-from sidestep.validation.scenarios.scenario import built_in_scenarios, load_scenario
+from sidestep.validation.geometry import car_boxes, obstacle_boxes, signed_clearance
+from sidestep.validation.scenarios.library import built_in_scenarios
+from sidestep.validation.scenarios.scenario import load_scenario
 from sidestep.validation.scenarios.tables import override
 
 SMALL = """
@@ -92,7 +93,7 @@ def test_waypoints_are_found_beside_the_file(file, tmp_path):
 
 def test_a_vehicle_file_is_found_beside_the_file(file, tmp_path):
     original = load_scenario("single-obstacle").vehicle
-    numbers = [n for n in original.__dataclass_fields__ if n not in ("name", "tyre", "suspension")]
+    numbers = [n for n in original.__dataclass_fields__ if n not in ("name", "tyre", "suspension", "steering_ratio")]
     (tmp_path / "car.toml").write_text("\n".join(f"{n} = {getattr(original, n)}" for n in numbers))
     vehicle = load_scenario(file(), ["vehicle.file=car.toml", "vehicle.mass=1500"]).vehicle
     assert (vehicle.name, vehicle.mass, vehicle.l_f) == ("car", 1500.0, original.l_f)

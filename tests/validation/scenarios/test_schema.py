@@ -5,7 +5,8 @@ import pytest
 
 import sidestep.controller
 from sidestep.validation.cli.main import main
-from sidestep.validation.scenarios.scenario import ScenarioTables, built_in_scenarios, parse_scenario, read_scenario
+from sidestep.validation.scenarios.library import built_in_scenarios, read_scenario
+from sidestep.validation.scenarios.scenario import ScenarioTables, parse_scenario
 from sidestep.validation.scenarios.schema import documented, markdown, schema, tables
 
 PAGE = Path(sidestep.controller.__file__).parents[1] / "docs" / "scenarios.md"

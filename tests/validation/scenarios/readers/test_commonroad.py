@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.judge.geometry import obstacle_poses
-from sidestep.validation.loop.closed_loop import simulate
+from sidestep.validation.geometry import obstacle_poses
+from sidestep.validation.judge.simulate import simulate
 from sidestep.validation.scenarios.readers.formats import read_foreign, to_toml
 from sidestep.validation.scenarios.scenario import load_scenario, parse_scenario
 

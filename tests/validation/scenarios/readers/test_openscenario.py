@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.judge.geometry import car_boxes, obstacle_boxes, obstacle_poses, signed_clearance
+from sidestep.validation.geometry import car_boxes, obstacle_boxes, obstacle_poses, signed_clearance
 from sidestep.validation.scenarios.readers.openscenario.reader import variations
 from sidestep.validation.scenarios.readers.safe_xml import read_xml
 from sidestep.validation.scenarios.scenario import load_scenario
