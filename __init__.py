@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from sidestep.plant_models.checks.check_plant import check_plant
     from sidestep.plant_models.errors import InputError, PlantError
     from sidestep.plant_models.obstacle import Obstacle
-    from sidestep.plant_models.road.reference_path import Arc, Clothoid, Line, ReferencePath
+    from sidestep.plant_models.road.reference_path import ReferencePath
+    from sidestep.plant_models.road.segments import Arc, Clothoid, Line
     from sidestep.plant_models.signals import SteeringCommand, VehicleState
     from sidestep.plant_models.vehicle.parameters import VehicleParameters
     from sidestep.validation.scenarios.scenario import Scenario, load_scenario

@@ -11,7 +11,8 @@ if TYPE_CHECKING:
     from sidestep.plant_models.mujoco.plant import MujocoPlant
     from sidestep.plant_models.obstacle import Obstacle
     from sidestep.plant_models.plant import Plant
-    from sidestep.plant_models.road.reference_path import Arc, Clothoid, Line, ReferencePath
+    from sidestep.plant_models.road.reference_path import ReferencePath
+    from sidestep.plant_models.road.segments import Arc, Clothoid, Line
     from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
     from sidestep.plant_models.tyres.parameters import TyreParameters
     from sidestep.plant_models.vehicle.parameters import VehicleParameters, vehicle_presets
@@ -49,7 +50,8 @@ __getattr__ = lazy(
         "mujoco.plant": ("MujocoPlant",),
         "obstacle": ("Obstacle",),
         "plant": ("Plant",),
-        "road.reference_path": ("Arc", "Clothoid", "Line", "ReferencePath"),
+        "road.reference_path": ("ReferencePath",),
+        "road.segments": ("Arc", "Clothoid", "Line"),
         "signals": ("Status", "SteeringCommand", "VehicleState"),
         "tyres.parameters": ("TyreParameters",),
         "vehicle.parameters": ("VehicleParameters", "vehicle_presets"),

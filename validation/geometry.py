@@ -6,9 +6,14 @@ from numpy.typing import NDArray
 
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.trajectory import interpolated
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
+from sidestep.validation.given_road import edges_of
 
 Array = NDArray[np.float64]
+
+FAR = 1e7
+"""Where something is that is not there, in [m]."""
 
 
 def boxes(x: Array, y: Array, heading: Array, front: float, rear: float, width: float) -> Array:
@@ -34,12 +39,26 @@ def car_boxes(vehicle: VehicleParameters, x: Array | float, y: Array | float, ya
     return boxes(x, y, yaw, vehicle.front_extent, vehicle.rear_extent, vehicle.width)
 
 
+def obstacle_poses(path: ReferencePath, obstacle: Obstacle, time: Array) -> Array:
+    """x, y [m] and yaw [rad] of an obstacle's centre at each time [s], shape (3, n).
+
+    A way that was given in the world is taken as it was given, not by the path. While it is not there it is far away.
+    """
+    time = np.asarray(time, dtype=np.float64)
+    if obstacle.trajectory is not None and obstacle.trajectory.world is not None:
+        poses = interpolated(obstacle.trajectory.world, time)
+    else:
+        s, l, heading, _ = obstacle.track(time)  # noqa: E741 (the paper's letter)
+        x, y = path.to_cartesian(s, l)
+        poses = np.stack([x, y, path.heading(s) + heading])
+    poses[:2, ~obstacle.is_there(time)] = FAR
+    return poses
+
+
 def obstacle_boxes(path: ReferencePath, obstacle: Obstacle, time: Array) -> Array:
     """Outline of an obstacle in the world at each time, shape (n, 4, 2), in [m]."""
-    s = obstacle.s + obstacle.speed * time
-    x, y = path.to_cartesian(s, np.full_like(s, obstacle.l))
-    heading = path.heading(s) + obstacle.heading
-    return boxes(x, y, heading, obstacle.length / 2.0, obstacle.length / 2.0, obstacle.width)
+    x, y, yaw = obstacle_poses(path, obstacle, time)
+    return boxes(x, y, yaw, obstacle.length / 2.0, obstacle.length / 2.0, obstacle.width)
 
 
 def signed_clearance(first: Array, second: Array) -> Array:
@@ -61,14 +80,20 @@ def signed_clearance(first: Array, second: Array) -> Array:
     return np.where(shapely.intersects(hulls, origin), -distance, distance)
 
 
-def edge_clearance(path: ReferencePath, width_left: float, width_right: float, corners: Array, s: Array) -> Array:
+def edge_clearance(path: ReferencePath, corners: Array, s: Array) -> Array:
     """Smallest signed distance of a box's corners to the road's edges, shape (n,), in [m]; negative when over.
 
+    On a road of way-points it is measured from their polyline, see `given_road`; on one of segments, which is exact,
+    from the path.
+
     Args:
-        path: Reference path.
-        width_left, width_right: From it to the edges, in [m].
+        path: Reference path, with the road's widths.
         corners: Shape (n, 4, 2), in [m].
         s: Stations near the boxes, shape (n,), in [m]: which branch of a road near itself is meant.
     """
-    offset = path.project(corners[..., 0], corners[..., 1], near=s[:, None])[1]
-    return np.minimum(width_left - offset.max(axis=1), width_right + offset.min(axis=1))
+    if path.given is not None:
+        near = path.given_station(s)
+        return edges_of(path.given, path.edges).clearance(corners, near)
+    station, offset, _ = path.project(corners[..., 0], corners[..., 1], near=s[:, None])
+    left, right = path.widths(station)
+    return np.minimum(left - offset, right + offset).min(axis=1)

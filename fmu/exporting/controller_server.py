@@ -24,12 +24,14 @@ from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.widths import Widths
 from sidestep.plant_models.signals import VehicleState
 from sidestep.plant_models.tyres.parameters import TyreParameters
 from sidestep.plant_models.vehicle.parameters import SuspensionParameters, VehicleParameters
 
 SOCKET = 3
 OK, ERROR = 0, 3
+_ELSEWHERE = 1e7  # where an obstacle is that is not there, in [m]
 NOTHING_NEAR = 1000.0
 """Clearance where there is no obstacle, in [m]."""
 _HEAD = struct.Struct("=qQ")
@@ -49,9 +51,11 @@ class ControllerServer:
         if vehicle["suspension"]:
             vehicle["suspension"] = SuspensionParameters(**vehicle["suspension"])
         self._vehicle = VehicleParameters(**vehicle)
-        self._path = ReferencePath(np.array(description["road"]["table"]), description["road"]["closed"])
-        self._obstacles = [Obstacle(**obstacle) for obstacle in description["obstacles"]]
-        self._moving = [index for index, obstacle in enumerate(self._obstacles) if obstacle.speed]
+        road = description["road"]
+        edges = Widths(np.array(road["widths"]), road["spacing"])
+        self._path = ReferencePath(np.array(road["table"]), road["closed"], edges)
+        self._obstacles = [Obstacle.from_plain(obstacle) for obstacle in description["obstacles"]]
+        self._moving = [index for index, obstacle in enumerate(self._obstacles) if obstacle.moves]
         self._boxes = np.array([self._box(obstacle, 0.0) for obstacle in self._obstacles]).reshape(-1, 5)
         self._config = ControllerConfig(**description["controller"])
         car = self._vehicle
@@ -118,9 +122,10 @@ class ControllerServer:
         return clearance(state.x, state.y, state.yaw, *self._shape, self._boxes)
 
     def _box(self, obstacle: Obstacle, now: float) -> tuple[float, float, float, float, float]:
-        s = obstacle.s + obstacle.speed * now
-        x, y = self._path.to_cartesian(s, obstacle.l)
-        return x, y, self._path.heading(s) + obstacle.heading, 0.5 * obstacle.length, 0.5 * obstacle.width
+        x, y, yaw = obstacle.pose(self._path, now)
+        if not obstacle.is_there(now):
+            x = y = _ELSEWHERE
+        return x, y, yaw, 0.5 * obstacle.length, 0.5 * obstacle.width
 
 
 @kernel

@@ -49,8 +49,13 @@ def export_controller(
     description = {
         "variables": NAMES,
         "vehicle": asdict(vehicle),
-        "road": {"table": path.table.tolist(), "closed": path.closed},
-        "obstacles": [asdict(obstacle) for obstacle in obstacles],
+        "road": {
+            "table": path.table.tolist(),
+            "closed": path.closed,
+            "widths": path.edges.table.tolist(),
+            "spacing": path.edges.spacing,
+        },
+        "obstacles": [obstacle.to_plain() for obstacle in obstacles],
         "controller": asdict(config),
     }
     resources = {

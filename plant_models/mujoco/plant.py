@@ -20,6 +20,7 @@ from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.tyres.contact import CAR, PATCH, STATE, TYRE_MODES, relaxed_slip
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
+_BURIED = -100.0  # where an obstacle is that is not there, in [m]
 _FAR = 1e3  # clearance is not measured beyond, [m]
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _LONG = 1e6  # time in which any tyre has relaxed, [s]
@@ -68,7 +69,7 @@ class MujocoPlant:
         self.model = car_spec(vehicle, obstacles, tyre, surface).compile()
         self.data = d = mujoco.MjData(self.model)
         self._vehicle, self._path, self._obstacles = vehicle, path, tuple(obstacles)
-        self._moves, self._time_step = any(obstacle.speed for obstacle in obstacles), time_step
+        self._moves, self._time_step = any(obstacle.moves for obstacle in obstacles), time_step
         self._car, self._own = _record(vehicle, self.model, friction), d.userdata.view(STATE)
         self._car["mode"], self._car["bears_load"] = TYRE_MODES.index(tyre), surface.heights is not None
         self._patches = patch_table(surface.patches, path)
@@ -161,10 +162,9 @@ class MujocoPlant:
     def _place_obstacles(self, time: float) -> None:
         road = self._path
         for i, obstacle in enumerate(self._obstacles):
-            box = obstacle.at(time)
-            x, y, yaw = (box.s, box.l, 0.0) if road is None else (*road.to_cartesian(box.s, box.l), road.heading(box.s))
-            self.data.mocap_pos[i] = x, y, 0.0
-            self.data.mocap_quat[i] = _quaternion(yaw + box.heading)
+            x, y, yaw = obstacle.pose(road, time)
+            self.data.mocap_pos[i] = x, y, 0.0 if obstacle.is_there(time) else _BURIED
+            self.data.mocap_quat[i] = _quaternion(yaw)
 
     def move_road(self, v_x: float, v_y: float) -> None:
         """Let the road move under the car, in [m/s]: a belt; not part of what `save` keeps."""

@@ -45,7 +45,20 @@ def advance(heading: float, curvature: float, sharpness: float, u: float) -> tup
 
 @kernel
 def _row(table, s):
-    low, high = 0, table.shape[0]
+    """The row that holds at s: pieces are of much the same length, so that it is near where it would be if of one."""
+    count = table.shape[0]
+    last, end = count - 1, table[-1, 0]
+    if not s >= 0.0:
+        return 0
+    if s >= end:
+        return last
+    low = min(1 + int(s / end * (count - 2)), last - 1)
+    stride = 1
+    while table[low, 0] > s:
+        low, stride = max(low - stride, 1), 2 * stride
+    stride, high = 1, low + 1
+    while table[high, 0] <= s:
+        low, high, stride = high, min(high + stride, last), 2 * stride
     while high - low > 1:
         middle = (low + high) // 2
         if table[middle, 0] <= s:
@@ -251,6 +264,8 @@ def fit(chord: float, start: float, end: float) -> tuple[float, float, float]:
     for _ in range(20):
         across = advance(start, turn - a, 2.0 * a, 1.0)[1]
         a += 6.0 * across
+        if abs(across) < 1e-17:
+            break
     length = chord / advance(start, turn - a, 2.0 * a, 1.0)[0]
     return length, (turn - a) / length, 2.0 * a / length**2
 

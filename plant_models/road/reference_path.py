@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, overload
@@ -13,9 +13,6 @@ from numpy.typing import ArrayLike
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.road.clothoid import (
-    MAX_CURVATURE,
-    MAX_LENGTH,
-    SPACING,
     Array,
     curvature_at,
     lay,
@@ -24,45 +21,14 @@ from sidestep.plant_models.road.clothoid import (
     project_at,
     with_ends,
 )
-from sidestep.plant_models.road.waypoints import read_waypoints, through_waypoints
+from sidestep.plant_models.road.fitting import along
+from sidestep.plant_models.road.polyline import Polyline
+from sidestep.plant_models.road.segments import Segment, split
+from sidestep.plant_models.road.waypoint_file import read_waypoints
+from sidestep.plant_models.road.waypoints import WayPoints, named
+from sidestep.plant_models.road.widths import Widths
 
 _CLOSING_GAP = 1e-3  # between the ends of a closed path [m, rad]
-
-
-@dataclass(frozen=True, slots=True)
-class Line:
-    """A straight piece of road; length in [m]."""
-
-    length: float
-
-    def __post_init__(self) -> None:
-        _check_segment(self)
-
-
-@dataclass(frozen=True, slots=True)
-class Arc:
-    """A circular piece of road; length in [m], curvature in [1/m], positive to the left."""
-
-    length: float
-    curvature: float
-
-    def __post_init__(self) -> None:
-        _check_segment(self)
-
-
-@dataclass(frozen=True, slots=True)
-class Clothoid:
-    """A piece of road whose curvature [1/m] changes linearly with arc length; length in [m]."""
-
-    length: float
-    curvature_start: float
-    curvature_end: float
-
-    def __post_init__(self) -> None:
-        _check_segment(self)
-
-
-Segment = Line | Arc | Clothoid
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,18 +41,29 @@ class ReferencePath:
     Attributes:
         table: The pieces, shape (n + 2, 6), read-only; for kernels, see `clothoid`.
         closed: Whether the end joins the start.
+        edges: How wide the road is; a table of constant spacing, for kernels, too.
+        given: The polyline of the way-points that it was laid along; None if it was not.
+        nodes: Arc length along that polyline of each row from 1 on, ascending, in [m].
+        origin: What was taken off the way-points' coordinates, in [m].
+        notes: What was put right or smoothed, for the user.
     """
 
     table: Array = field(repr=False)
     closed: bool
+    edges: Widths = field(default_factory=Widths.constant, repr=False)
+    given: Polyline | None = field(default=None, repr=False)
+    nodes: Array | None = field(default=None, repr=False)
+    origin: tuple[float, float] = (0.0, 0.0)
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "table", np.array(self.table, dtype=np.float64))
-        self.table.flags.writeable = False
+        if self.table.flags.writeable:  # else it is as good as ours
+            object.__setattr__(self, "table", np.array(self.table, dtype=np.float64))
+            self.table.flags.writeable = False
 
     def __reduce__(self) -> Any:
         # The default would bring back a writeable table.
-        return ReferencePath, (self.table, self.closed)
+        return ReferencePath, tuple(getattr(self, f.name) for f in fields(self))
 
     @cached_property
     def length(self) -> float:
@@ -119,7 +96,7 @@ class ReferencePath:
             raise InputError("road.segments", "empty", "at least one line, arc or clothoid")
         if not all(math.isfinite(value) for value in start):
             raise InputError("road.start", f"{start} is not finite")
-        pieces = np.concatenate([_split(segment, f"road.segments[{i}]") for i, segment in enumerate(segments)])
+        pieces = np.concatenate([split(segment, f"road.segments[{i}]") for i, segment in enumerate(segments)])
         table = np.empty((len(pieces) + 2, 6))
         x, y, heading = (float(value) for value in start)
         lay(table, x, y, heading, pieces)
@@ -132,31 +109,70 @@ class ReferencePath:
         return cls(with_ends(table, closed), closed)
 
     @classmethod
-    def from_waypoints(cls, xy: ArrayLike, closed: bool | None = None) -> "ReferencePath":
-        """A path through way-points, a cubic spline (C2).
+    def from_waypoints(cls, xy: ArrayLike, closed: bool | None = None, smooth: float | None = None) -> "ReferencePath":
+        """A path along way-points that strays from their polyline by 0.1 m at most; see `fitting`.
 
         Args:
             xy: Points, shape (N, 2), in [m]; two give a line.
-            closed: None finds out: closed if the last point is the first one again.
+            closed: None finds out: closed if the way from the last point to the first looks like any other.
+            smooth: In [m]: may stray by that much instead, so as to be smooth all along.
 
         Raises:
-            InputError: Too few, repeated or non-finite points, or a bend tighter than MAX_CURVATURE.
+            InputError: Too few or non-finite points, or a path along them would stray further or bend more tightly
+                than MAX_CURVATURE.
         """
         points = np.asarray(xy, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 2:
             raise InputError("road.waypoints", f"shape {points.shape}", "(N, 2)")
-        names = [f"road.waypoints[{i}]" for i in range(len(points))]
-        return cls(*through_waypoints(points, names, "road.waypoints", closed))
+        return cls.through(named(points, closed), smooth)
 
     @classmethod
-    def from_csv(cls, path: str | Path, closed: bool | None = None) -> "ReferencePath":
-        """A path through the way-points of a CSV file, see `read_waypoints`.
+    def from_csv(cls, path: str | Path, closed: bool | None = None, smooth: float | None = None) -> "ReferencePath":
+        """A path along the way-points of a CSV file, see `read_waypoints`, with the widths that it holds.
 
         Raises:
             InputError: As `from_waypoints`, with file and line.
         """
-        points, names = read_waypoints(path)
-        return cls(*through_waypoints(points, names, str(path), closed))
+        return cls.through(read_waypoints(path, closed), smooth)
+
+    @classmethod
+    def through(cls, points: WayPoints, smooth: float | None = None) -> "ReferencePath":
+        """A path along way-points, with their widths; see `from_waypoints`."""
+        points = points.cleaned()
+        fit = along(points, smooth)
+        path = cls(fit.table, bool(points.closed), Widths.constant(), points.line, fit.nodes, points.origin,
+                   (*points.notes, *fit.notes))  # fmt: skip
+        if points.left is None or points.right is None:
+            return path
+        s = path.station_of(points.line.stations)
+        return replace(path, edges=Widths.at_stations(s, points.left, points.right, path.length, path.closed))
+
+    def with_edges(self, edges: Widths) -> "ReferencePath":
+        """The same path on a road of other widths; those given with the way-points are forgotten."""
+        given = self.given and replace(self.given, widths=None)
+        return replace(self, edges=edges, given=given)
+
+    def widths(self, s: float | Array) -> tuple[Array, Array]:
+        """Distance from the path to the road's left and right edge at arc length s [m], in [m]."""
+        return self.edges.at(s, self.period)
+
+    def given_station(self, s: ArrayLike) -> Array:
+        """Arc length along the way-points' polyline that belongs to stations s [m] of the path, in [m]."""
+        s = np.asarray(s, dtype=np.float64)
+        if self.nodes is None:
+            return s
+        return np.interp(np.remainder(s, self.length) if self.closed else s, self.table[1:, 0], self.nodes)
+
+    def station_of(self, u: ArrayLike) -> Array:
+        """Arc length along the path, in [m], that belongs to arc lengths u [m] along the way-points' polyline."""
+        u = np.asarray(u, dtype=np.float64)
+        if self.nodes is None:
+            return u
+        ends = self.nodes[-1]
+        lap = np.floor(u / ends) if self.closed else np.zeros_like(u)
+        inner = u - lap * ends
+        outside = np.minimum(inner, 0.0) + np.maximum(inner - ends, 0.0)
+        return np.interp(inner, self.nodes, self.table[1:, 0]) + lap * self.length + outside
 
     @overload
     def curvature(self, s: float) -> float: ...
@@ -245,31 +261,3 @@ def _projections(table, period, x, y, near):
     for i in range(x.size):
         result[:, i] = project_at(table, period, x[i], y[i], near[i])
     return result
-
-
-def _check_segment(segment: Segment) -> None:
-    for f in fields(segment):
-        value, where = getattr(segment, f.name), f"segment.{f.name}"
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise InputError(where, f"{value!r} is not a finite number")
-        if f.name == "length" and not 0.0 < value <= MAX_LENGTH:
-            raise InputError(where, f"{value} m", f"0 < length <= {MAX_LENGTH:g}")
-        if f.name != "length" and abs(value) > MAX_CURVATURE:
-            raise InputError(where, f"{value} 1/m", f"-{MAX_CURVATURE:g} <= curvature <= {MAX_CURVATURE:g}")
-
-
-def _split(segment: Segment, where: str) -> Array:
-    """Length, curvature at the start and sharpness of the pieces of a segment, shape (n, 3)."""
-    match segment:
-        case Line(length):
-            start = end = 0.0
-        case Arc(length, start):
-            end = start
-        case Clothoid(length, start, end):
-            pass
-        case _:
-            raise InputError(where, f"{segment!r}", "Line, Arc, Clothoid")
-    count = math.ceil(length / SPACING)
-    sharpness = (end - start) / length
-    curvature = start + sharpness * length / count * np.arange(count)
-    return np.column_stack([np.full(count, length / count), curvature, np.full(count, sharpness)])

@@ -1,141 +1,156 @@
-"""Way-points to a path: reading them from a CSV file, and a cubic spline cut into clothoid pieces."""
+"""Way-points and what is put right before a path is laid along them."""
 
 import math
-from pathlib import Path
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from sidestep.plant_models.errors import InputError
-from sidestep.plant_models.road.clothoid import MAX_CURVATURE, MAX_LENGTH, SPACING, Array, fit, with_ends
+from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.road.clothoid import MAX_LENGTH, Array
+from sidestep.plant_models.road.polyline import Polyline
 
-_SAME_POINT = 1e-6  # [m]
+SAME_POINT = 0.01
+"""Points closer than this to the one before are one point, in [m]."""
+FAR_AWAY = 1e5
+"""Coordinates beyond are counted from a new origin, in [m]."""
+KINK = math.radians(20.0)
+"""Turn at one point from which on it is named."""
 
 
-def read_waypoints(path: str | Path) -> tuple[Array, list[str]]:
-    """Columns x and y, in [m], of a CSV file separated by commas, semicolons or tabs.
+@dataclass(frozen=True, eq=False)
+class WayPoints:
+    """Points of a road's reference, and the widths beside them.
 
-    A header names the columns (`x`, `x_m` or `x [m]`; further ones are ignored), without one x and y come
-    first. Lines that start with `#` are comments, or the header.
-
-    Returns:
-        Points, shape (N, 2), in [m], and `file:line` of each.
-
-    Raises:
-        InputError: With file and line.
+    Attributes:
+        points: Shape (n, 2), in [m]; on a closed road the last is the first again, once `cleaned`.
+        place: What errors call point i.
+        where: What they call all of them.
+        left, right: Widths at the points, shape (n,), in [m]; None if not given.
+        closed: Whether the last joins the first; None is not known yet.
+        origin: What was taken off the coordinates, in [m].
+        notes: What was put right, for the user.
     """
-    try:
-        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(str(path), f"cannot be read ({error})") from error
-    columns, points, names = None, [], []
-    for number, line in enumerate(lines, start=1):
-        where, cells = f"{path}:{number}", _cells(line)
-        if line.startswith("#"):
-            columns = columns or _named_columns(cells)
-        elif columns is None and not _is_number(cells[0]) and line.strip():
-            columns = _named_columns(cells)
-            if columns is None:
-                raise InputError(where, f"no columns x and y in the header {line.strip()!r}", "x, y")
-        elif line.strip():
-            columns = columns or (0, 1)
-            points.append(_point(cells, columns, where))
-            names.append(where)
-    return np.array(points, dtype=np.float64).reshape(-1, 2), names
+
+    points: Array = field(repr=False)
+    place: Callable[[int], str]
+    where: str
+    left: Array | None = None
+    right: Array | None = None
+    closed: bool | None = None
+    origin: tuple[float, float] = (0.0, 0.0)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def line(self) -> Polyline:
+        """The polyline through them."""
+        widths = None
+        if self.left is not None and self.right is not None:
+            widths = np.column_stack([self.left, self.right])
+        return Polyline(self.points, bool(self.closed), widths)
+
+    def cleaned(self) -> "WayPoints":
+        """Checked, without repetitions, closed or not, near the origin; every change is in `notes`.
+
+        Raises:
+            InputError: Too few, too long or not finite.
+        """
+        for i in np.flatnonzero(~np.isfinite(self.points).all(axis=1)).tolist():
+            raise InputError(self.place(i), f"({self.points[i, 0]}, {self.points[i, 1]}) is not finite")
+        return self._merged()._joined()._near_origin()._kinks_named()
+
+    def _merged(self) -> "WayPoints":
+        kept = _apart(self.points, SAME_POINT)
+        if len(kept) == len(self.points):
+            return self
+        first = int(np.flatnonzero(np.diff(kept, append=len(self.points)) > 1)[0])
+        gone = len(self.points) - len(kept)
+        note = f"merged {gone} way-points closer than 1 cm to the one before, first {self.place(int(kept[first]) + 1)}"
+        return replace(self._chosen(kept), notes=(*self.notes, note))
+
+    def _chosen(self, kept: NDArray[np.intp]) -> "WayPoints":
+        place, widths = self.place, [None if w is None else w[kept] for w in (self.left, self.right)]
+        return replace(
+            self,
+            points=self.points[kept],
+            left=widths[0],
+            right=widths[1],
+            place=lambda i: place(int(kept[i % len(kept)])),
+        )
+
+    def _joined(self) -> "WayPoints":
+        """With the first point again at the end of a closed road."""
+        points, notes = self.points, self.notes
+        returns = len(points) > 2 and math.dist(points[0], points[-1]) < SAME_POINT
+        closed = self.closed
+        if closed is None:
+            closed = returns or _comes_round(points)
+            if closed and not returns:
+                gap = math.dist(points[0], points[-1])
+                notes = (
+                    *notes,
+                    f"taken as closed: the last way-point is {gap:.1f} m before the first (closed = false opens it)",
+                )
+        order = np.arange(len(points))
+        if closed:
+            order = np.append(order[:-1] if returns else order, 0)
+        if len(order) < (4 if closed else 2):
+            raise InputError(
+                self.where, f"{len(order) - closed} points", "at least 2, or 3 different ones on a closed path"
+            )
+        result = replace(self._chosen(order), closed=closed, notes=notes)
+        if (length := result.line.length) > MAX_LENGTH:
+            raise InputError(self.where, f"{length:.3g} m long", f"<= {MAX_LENGTH:g} m")
+        return result
+
+    def _near_origin(self) -> "WayPoints":
+        if np.abs(self.points).max() <= FAR_AWAY:
+            return self
+        x, y = (float(value) for value in np.round(self.points[0], -3))
+        note = f"coordinates are counted from ({x:.0f}, {y:.0f})"
+        return replace(self, points=self.points - (x, y), origin=(x, y), notes=(*self.notes, note))
+
+    def _kinks_named(self) -> "WayPoints":
+        turns = self.line.turns
+        kinks = np.flatnonzero(np.abs(turns[:-1] if self.closed else turns) >= KINK)
+        if len(kinks) == 0:
+            return self
+        worst = int(kinks[np.argmax(np.abs(turns[kinks]))])
+        note = (
+            f"{len(kinks)} way-points turn by {math.degrees(KINK):.0f} degrees or more, by {self.turn_at(worst)} most"
+        )
+        return replace(self, notes=(*self.notes, note))
+
+    def turn_at(self, i: int) -> str:
+        """The turn at point i, and where that is."""
+        return f"{abs(math.degrees(self.line.turns[i])):.0f} degrees at {self.place(i)}"
 
 
-def _cells(line: str) -> list[str]:
-    separator = next((mark for mark in ";\t" if mark in line), ",")
-    return [cell.strip(' "') for cell in line.lstrip("# ").split(separator)]
-
-
-def _named_columns(cells: list[str]) -> tuple[int, int] | None:
-    names = [cell.lower().replace("_", " ").split(" ")[0] for cell in cells]
-    return (names.index("x"), names.index("y")) if "x" in names and "y" in names else None
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
+def _comes_round(points: Array) -> bool:
+    """Whether the way from the last point to the first looks like any other: no longer, and no sharper turn."""
+    if len(points) < 4:
         return False
-    return True
+    line = Polyline(np.vstack([points, points[:1]]), closed=True)
+    steps, turns = np.diff(line.stations), np.abs(line.turns[:-1])
+    widest = max(math.radians(30.0), float(turns[1:-1].max()))
+    ends = max(turns[0], turns[-1])
+    return bool(steps[-1] <= 2.0 * steps[:-1].max() and ends <= widest and line.length > 10.0 * steps[-1])
 
 
-def _point(cells: list[str], columns: tuple[int, int], where: str) -> tuple[float, float]:
-    if len(cells) <= max(columns):
-        raise InputError(where, f"only {len(cells)} columns", "x, y")
-    for column in columns:
-        if not _is_number(cells[column]):
-            raise InputError(where, f"{cells[column]!r} is not a number")
-    return float(cells[columns[0]]), float(cells[columns[1]])
+@kernel
+def _apart(points, distance):
+    """Which points stay if those near the last one that stayed go."""
+    kept = np.empty(len(points), np.int64)
+    count, last = 0, -1
+    for i in range(len(points)):
+        if last < 0 or np.hypot(points[i, 0] - points[last, 0], points[i, 1] - points[last, 1]) >= distance:
+            kept[count], last = i, i
+            count += 1
+    return kept[:count]
 
 
-def through_waypoints(points: Array, names: list[str], where: str, closed: bool | None = None) -> tuple[Array, bool]:
-    """Table of the path through points, and whether it is closed.
-
-    The spline only gives the nodes' positions and headings; the clothoid between two nodes meets both, so
-    that curvature, heading and position of the path stay exact integrals of each other.
-
-    Args:
-        points: Shape (N, 2), in [m].
-        names: What to call each of them in errors.
-        where: What to call all of them.
-        closed: None finds out by comparing the last with the first.
-
-    Raises:
-        InputError: Too few, repeated or non-finite points, or a bend tighter than MAX_CURVATURE.
-    """
-    points, closed = _checked(points, names, where, closed)
-    chords = np.hypot(*np.diff(points, axis=0).T)
-    nodes, headings, before = _spline_nodes(points, chords, closed)
-    table = _fitted(nodes, headings)
-    curvature, sharpness, length = table[1:-1, 4], table[1:-1, 5], np.diff(table[1:, 0])
-    bend = np.maximum(np.abs(curvature), np.abs(curvature + sharpness * length))
-    for i in np.flatnonzero(~(bend <= MAX_CURVATURE)).tolist():
-        raise InputError(names[before[i]], f"the path bends to a radius of {1.0 / bend[i]:.2g} m after it", ">= 1 m")
-    return with_ends(table, closed), closed
-
-
-def _checked(points: Array, names: list[str], where: str, closed: bool | None) -> tuple[Array, bool]:
-    """The points, on a closed path with the first one again at the end, and whether it is closed."""
-    for i in np.flatnonzero(~np.isfinite(points).all(axis=1)).tolist():
-        raise InputError(names[i], f"({points[i, 0]}, {points[i, 1]}) is not finite")
-    returns = len(points) > 2 and math.dist(points[0], points[-1]) < _SAME_POINT
-    if closed is None:
-        closed = returns
-    if closed:
-        points = np.vstack([points[:-1] if returns else points, points[:1]])
-    if len(points) < (4 if closed else 2):
-        raise InputError(where, f"{len(points) - closed} points", "at least 2, or 3 different ones on a closed path")
-    steps = np.hypot(*np.diff(points, axis=0).T)
-    for i in np.flatnonzero(steps < _SAME_POINT).tolist():
-        repeated = names[(i + 1) % len(names)]
-        raise InputError(repeated, f"({points[i, 0]}, {points[i, 1]}) repeats the way-point before it")
-    if steps.sum() > MAX_LENGTH:
-        raise InputError(where, f"{steps.sum():.3g} m long", f"<= {MAX_LENGTH:g} m")
-    return points, closed
-
-
-def _spline_nodes(points: Array, chords: Array, closed: bool) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Nodes (n + 1, 2), their headings, and the way-point before each of the n pieces."""
-    knots = np.concatenate([[0.0], np.cumsum(chords)])
-    spline = CubicSpline(knots, points, bc_type="periodic" if closed else "not-a-knot")
-    counts = np.ceil(chords / SPACING).astype(int)
-    interval = np.repeat(np.arange(len(chords)), counts)
-    fraction = np.concatenate([np.arange(count) / count for count in counts])
-    u = np.append(knots[interval] + fraction * chords[interval], knots[-1])
-    slope = spline(u, 1)
-    return spline(u), np.unwrap(np.arctan2(slope[:, 1], slope[:, 0])), interval
-
-
-def _fitted(nodes: Array, headings: Array) -> Array:
-    steps = np.diff(nodes, axis=0)
-    chords, directions = np.hypot(steps[:, 0], steps[:, 1]), np.arctan2(steps[:, 1], steps[:, 0])
-    turns = [np.remainder(ends - directions + math.pi, math.tau) - math.pi for ends in (headings[:-1], headings[1:])]
-    pieces = np.array([fit(*piece) for piece in zip(chords, *turns, strict=True)])
-    table = np.zeros((len(pieces) + 2, 6))
-    table[1:, 0] = np.concatenate([[0.0], np.cumsum(pieces[:, 0])])
-    table[1:, 1:3], table[1:, 3], table[1:-1, 4:] = nodes, headings, pieces[:, 1:]
-    return table
+def named(points: Array, closed: bool | None = None) -> WayPoints:
+    """Way-points of a programme: errors call them by their number."""
+    return WayPoints(points, lambda i: f"road.waypoints[{i}]", "road.waypoints", closed=closed)

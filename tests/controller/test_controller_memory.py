@@ -7,7 +7,8 @@ import pytest
 from sidestep.controller import ControllerConfig, SteeringController
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.plant_models.road.reference_path import Line, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Line
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 

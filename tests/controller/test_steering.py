@@ -18,7 +18,8 @@ from sidestep.controller.step import BOUNDED, prepare
 from sidestep.plant_models.linear.bicycle import continuous
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.plant_models.road.reference_path import Arc, Line, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Arc, Line
 from sidestep.plant_models.signals import Status, VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 

@@ -12,7 +12,8 @@ import pytest
 
 from sidestep.controller import ControllerConfig, SteeringController
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.plant_models.road.reference_path import Arc, Line, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Arc, Line
 from sidestep.plant_models.signals import Status, VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 

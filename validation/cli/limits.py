@@ -11,7 +11,7 @@ def add_limits(commands: argparse._SubParsersAction) -> None:
     """Add `limits` and what is below it to the commands of `sidestep`."""
     limits = commands.add_parser("limits", help="how far the controller goes: speed, delay, random scenes, a day")
     below = limits.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for add in (_add_moose, _add_scenes, _add_optimum, _add_delay, _add_endurance):
+    for add in (_add_moose, _add_scenes, _add_optimum, _add_delay, _add_endurance, _add_alks):
         add(below)
 
 
@@ -63,6 +63,16 @@ def _add_endurance(below: argparse._SubParsersAction) -> None:
     endurance.set_defaults(command=_endurance)
 
 
+def _add_alks(below: argparse._SubParsersAction) -> None:
+    alks = _add(below, "alks", "OpenSCENARIO files against drivers who only brake (UN R157)", "single-track")
+    alks.add_argument("files", nargs="+", type=Path, metavar="FILE", help=".xosc files, or folders of them")
+    alks.add_argument(
+        "--count", type=whole_number, default=20, metavar="N", help="variations of each file; default: %(default)s"
+    )
+    add_jobs(alks)
+    alks.set_defaults(command=_alks)
+
+
 def _moose(options: argparse.Namespace) -> int:
     from sidestep.validation.studies.moose import moose
 
@@ -97,6 +107,15 @@ def _endurance(options: argparse.Namespace) -> int:
 
     return endurance(
         options.hours, options.seed_from, options.plant, options.overrides, _folder(options, "endurance"),
+        options.command_line,
+    )  # fmt: skip
+
+
+def _alks(options: argparse.Namespace) -> int:
+    from sidestep.validation.studies.alks import alks
+
+    return alks(
+        options.files, options.plant, options.overrides, options.count, options.jobs, _folder(options, "alks"),
         options.command_line,
     )  # fmt: skip
 

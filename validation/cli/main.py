@@ -24,6 +24,7 @@ from sidestep.validation.cli.can import add_can
 from sidestep.validation.cli.compare import add_compare, add_golden
 from sidestep.validation.cli.fmu import add_fmu
 from sidestep.validation.cli.limits import add_limits
+from sidestep.validation.cli.scenarios import add_import, add_scenarios
 from sidestep.validation.cli.validate import add_validate
 from sidestep.validation.cli.vehicles import add_vehicles
 
@@ -79,7 +80,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=version("sidestep"))
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    own = (_add_demo, _add_run, _add_scenarios, add_vehicles, add_validate, add_campaign, _add_bench)
+    own = (_add_demo, _add_run, add_scenarios, add_import, add_vehicles, add_validate, add_campaign, _add_bench)
     for add in (*own, add_compare, add_golden, add_limits, add_fmu, add_can):
         add(commands)
     return parser
@@ -95,7 +96,10 @@ def _add_run(commands: argparse._SubParsersAction) -> None:
     run = commands.add_parser("run", help="drive one scenario")
     what = run.add_mutually_exclusive_group(required=True)
     what.add_argument(
-        "scenario", nargs="?", metavar="SCENARIO", help="a name that `sidestep scenarios` lists, or a TOML file"
+        "scenario",
+        nargs="?",
+        metavar="SCENARIO",
+        help="a name that `sidestep scenarios` lists, a TOML file, a CommonRoad .xml or an OpenSCENARIO .xosc file",
     )
     what.add_argument("--from", dest="row", metavar="FILE.jsonl:ROW", help="a row of a campaign, exactly as it was")
     run.add_argument(
@@ -127,10 +131,6 @@ def _add_run(commands: argparse._SubParsersAction) -> None:
     run.set_defaults(command=_run)
 
 
-def _add_scenarios(commands: argparse._SubParsersAction) -> None:
-    commands.add_parser("scenarios", help="list the built-in scenarios").set_defaults(command=_scenarios)
-
-
 def _add_bench(commands: argparse._SubParsersAction) -> None:
     bench = commands.add_parser("bench", help="measure controller, plants and CAN")
     bench.add_argument("--json", type=Path, metavar="FILE", help="also write the figures as JSON")
@@ -148,15 +148,6 @@ def _bench(options: argparse.Namespace) -> int:
     from sidestep.validation.studies.bench import main as bench
 
     return bench(options)
-
-
-def _scenarios(options: argparse.Namespace) -> int:
-    from sidestep.validation.scenarios.library import built_in_scenarios, outline
-
-    for name in built_in_scenarios():
-        one = outline(name)
-        print(f"{name:18}{one.speed:5.1f} m/s  {one.length:4.0f} m  {one.description}")
-    return 0
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -201,6 +192,8 @@ def _run(options: argparse.Namespace) -> int:
     print_runs([run.summary])
     if row:
         print(compared_to_row(run, row))
+    for note in scenario.notes:
+        print(f"note: {note}")
     print(f"report: {folder / 'report.html'}")
     if run.interrupted:
         raise KeyboardInterrupt

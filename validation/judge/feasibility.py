@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sidestep.plant_models.vehicle.parameters import GRAVITY
-from sidestep.validation.geometry import Array
+from sidestep.validation.geometry import FAR, Array, obstacle_poses
 from sidestep.validation.judge.reachability import LAYER, SUBSTEPS, depth_first
 from sidestep.validation.scenarios.scenario import Scenario
 
@@ -129,6 +129,8 @@ def _time_to_pass(scenario: Scenario, profile: _Profile) -> float:
     s, reach = _project(scenario)[0], scenario.vehicle.length
     times, travelled = _distances(scenario, profile)
     last = 0.0
+    if any(o.trajectory is not None for o in scenario.obstacles):
+        return min(scenario.duration, LONGEST)
     for o in scenario.obstacles:
         ahead = o.s + o.length / 2.0 + reach - s
         if o.speed < profile.target:
@@ -172,15 +174,15 @@ def _project(scenario: Scenario) -> tuple[float, float, float]:
 
 
 def _search(scenario: Scenario, profile: _Profile, clearance: float) -> Array:
-    vehicle, config, path = scenario.vehicle, scenario.controller, scenario.path
+    vehicle, path = scenario.vehicle, scenario.path
     times, speeds, limits = _speeds(scenario, profile)
     boxes = np.array([(o.s, o.l, o.length, o.width, o.heading, o.speed) for o in scenario.obstacles]).reshape(-1, 6)
     s, l, heading = _project(scenario)  # noqa: E741
     start = np.array([s, l, scenario.start.yaw - heading])
     found, states = depth_first(
-        start, speeds, limits, _poses(path, boxes, times), boxes, path.table, path.period,
+        start, speeds, limits, _poses(path, scenario.obstacles, times), boxes, path.table, path.period,
         (vehicle.front_extent + clearance, vehicle.rear_extent + clearance, 0.5 * vehicle.width + clearance),
-        (-config.width_right, config.width_left),
+        (path.edges.table, path.edges.spacing),
         STEER_SHARE * vehicle.steer_rate_limit / vehicle.wheelbase,
         (len(times) - 1) // SUBSTEPS,
     )  # fmt: skip
@@ -189,11 +191,10 @@ def _search(scenario: Scenario, profile: _Profile, clearance: float) -> Array:
     return np.column_stack([times, states, speeds]).astype(np.float64)
 
 
-def _poses(path, boxes, times):
+def _poses(path, obstacles, times):
     """World pose of every box at every time, shape (M, T, 3), and its station, which is the fourth column."""
-    poses = np.empty((len(boxes), len(times), 4))
-    for m, (s, l, _, _, heading, speed) in enumerate(boxes):  # noqa: E741
-        stations = s + speed * times
-        poses[m, :, 0], poses[m, :, 1] = path.to_cartesian(stations, np.full_like(times, l))
-        poses[m, :, 2], poses[m, :, 3] = path.heading(stations) + heading, stations
+    poses = np.empty((len(obstacles), len(times), 4))
+    for m, obstacle in enumerate(obstacles):
+        poses[m, :, :3] = obstacle_poses(path, obstacle, times).T
+        poses[m, :, 3] = np.where(obstacle.is_there(times), obstacle.track(times)[0], FAR)
     return poses

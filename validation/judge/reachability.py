@@ -11,6 +11,7 @@ import numpy as np
 
 from sidestep.plant_models.kernels import Array, kernel
 from sidestep.plant_models.road.clothoid import curvature_at, point_at
+from sidestep.plant_models.road.widths import widths_at
 
 MAX_JERK = 40.0
 """Lateral jerk of the witness at most, in [m/s^3]."""
@@ -32,7 +33,7 @@ def depth_first(
     table: Array,
     period: float,
     car: tuple[float, float, float],
-    edges: tuple[float, float],
+    widths: tuple[Array, float],
     steering: float,
     layers: int,
 ) -> tuple[bool, Array]:
@@ -45,7 +46,7 @@ def depth_first(
         boxes: Rows of s, l, length, width, heading, speed.
         table, period: Of the path.
         car: Front, rear, half width with margin, in [m].
-        edges: Right, left, in [m].
+        widths: Of the road: table and spacing, see `Widths`.
         steering: Largest rate of curvature, in [1/(m s)].
         layers: Number of decisions.
 
@@ -55,10 +56,10 @@ def depth_first(
     trace = np.empty((layers * SUBSTEPS + 1, 4))
     trace[0, :3], trace[0, 3] = start, 0.0
     widest = min(0.7, 8.0 / max(speeds.max(), 1.0))
-    cells = np.zeros((layers + 1, int((edges[1] - edges[0]) / _OFFSET_CELL) + 2,
+    left, right = widths[0][:, 0].max(), widths[0][:, 1].max()
+    cells = np.zeros((layers + 1, int((left + right) / _OFFSET_CELL) + 2,
                       2 * _HEADING_CELLS + 1, 2 * _CURVATURE_CELLS + 1), np.uint8)  # fmt: skip
-    tried = np.zeros(layers + 1, np.int64)
-    layer = 0
+    tried, layer = np.zeros(layers + 1, np.int64), 0
     while layer < layers:
         if tried[layer] == _MOVES.shape[0]:
             tried[layer] = 0
@@ -69,13 +70,13 @@ def depth_first(
         move = _MOVES[tried[layer]]
         tried[layer] += 1
         at = layer * SUBSTEPS
-        if not _advance(trace, at, move, speeds, limits, poses, boxes, table, period, car, edges, steering):
+        if not _advance(trace, at, move, speeds, limits, poses, boxes, table, period, car, widths, steering):
             continue
         _, l, heading, curvature = trace[at + SUBSTEPS]  # noqa: E741
         if abs(heading) > widest:
             continue
         limit = _curvature_limit(speeds[at + SUBSTEPS], limits[at + SUBSTEPS], steering)
-        i = int((l - edges[0]) / _OFFSET_CELL)
+        i = int((l + right) / _OFFSET_CELL)
         j = _HEADING_CELLS + round(heading / widest * _HEADING_CELLS)
         k = _CURVATURE_CELLS + round(curvature / limit * _CURVATURE_CELLS)
         if cells[layer + 1, i, j, k]:
@@ -91,7 +92,7 @@ def _curvature_limit(speed, acceleration, steering):
 
 
 @kernel
-def _advance(trace, at, move, speeds, limits, poses, boxes, table, period, car, edges, steering):
+def _advance(trace, at, move, speeds, limits, poses, boxes, table, period, car, widths, steering):
     """Drive one layer towards a curvature; false as soon as something is touched or the bound would break."""
     s, l, heading, curvature = trace[at]  # noqa: E741
     h = LAYER / SUBSTEPS
@@ -113,7 +114,7 @@ def _advance(trace, at, move, speeds, limits, poses, boxes, table, period, car, 
         s, l = s + h * along, l + h * v * math.sin(middle)  # noqa: E741
         heading, curvature = heading + h * (turn - road * along), bent
         trace[i + 1] = s, l, heading, curvature
-        if _leaves(l, heading, curvature_at(table, period, s), car, edges):
+        if _leaves(l, heading, curvature_at(table, period, s), car, widths_at(widths[0], widths[1], period, s)):
             return False
         for m in range(boxes.shape[0]):
             if _hits(s, l, heading, poses[m, i + 1], boxes[m], table, period, car):
@@ -127,7 +128,7 @@ def _leaves(l, heading, road, car, edges):  # noqa: E741
     c, d = math.cos(heading), math.sin(heading)
     for lever in (car[0], -car[1]):
         centre = l + lever * d - 0.5 * road * lever * lever
-        if centre + car[2] * c > edges[1] or centre - car[2] * c < edges[0]:
+        if centre + car[2] * c > edges[0] or centre - car[2] * c < -edges[1]:
             return True
     return False
 

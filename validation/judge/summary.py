@@ -38,6 +38,7 @@ def summarise(scenario: Scenario, recording: Recording, judgement: Judgement, **
         "label": judgement.label,
         "detail": judgement.detail,
         "end": recording.end.value,
+        "notes": list(scenario.notes),
         "error": f"{type(recording.error).__name__}: {recording.error}" if recording.error else None,
         "duration_s": duration,
         **_progress(scenario, recording, judgement),

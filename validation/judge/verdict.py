@@ -126,7 +126,7 @@ def judge(recording: Recording, scenario: Scenario, findings: Sequence[Finding] 
     """
     time, s, path = recording["time"], recording["s"], scenario.path
     car = car_boxes(scenario.vehicle, recording["x"], recording["y"], recording["yaw"])
-    edge = float(edge_clearance(path, scenario.controller.width_left, scenario.controller.width_right, car, s).min())
+    edge = float(edge_clearance(path, car, s).min())
     gap, where = _closest(car, scenario, time)
     went = progress(recording, scenario)
     decision = _safety(recording, gap, edge) or _finding(findings) or _drive(recording, scenario, went)

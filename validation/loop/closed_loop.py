@@ -4,20 +4,45 @@ Whoever drives a scenario takes `open_controller` or `closed_loop`; nobody else 
 nothing that a scenario says of controller, sensors or plant is left out.
 """
 
+import math
 from contextlib import nullcontext
 
 from sidestep.controller import SteeringController
+from sidestep.plant_models.obstacle import FOREVER, Obstacle
 from sidestep.plant_models.plant import Plant
+from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.validation.loop.cosimulation import Controller, Coupling, Port, cosimulate
 from sidestep.validation.loop.measurement import ImperfectMeasurement, sensed
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.scenarios.scenario import Scenario
 
+_BEHIND = -1e6  # where no obstacle matters any more, in [m]
+
 
 def bare_controller(scenario: Scenario) -> SteeringController:
     """The scenario's controller; whoever gives it the state stands for the sensors."""
-    return SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
+    moving = any(o.moves and (o.trajectory or o.appears > 0.0 or o.vanishes < FOREVER) for o in scenario.obstacles)
+    kind = SeesPresent if moving else SteeringController
+    return kind(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
+
+
+class SeesPresent(SteeringController):
+    """Knows of each obstacle where it is and how fast at every step, and takes it to go on like that."""
+
+    def step(self, state: VehicleState) -> SteeringCommand:
+        """As `SteeringController.step`."""
+        if math.isfinite(state.time):
+            self.boxes[:] = [_as_if_constant(obstacle, state.time) for obstacle in self.obstacles]
+        return super().step(state)
+
+
+def _as_if_constant(obstacle: Obstacle, time: float) -> tuple[float, ...]:
+    """The box at time 0 that comes to where the obstacle is, at the speed that it has now; elsewhere if not there."""
+    if not obstacle.is_there(time):
+        return _BEHIND, 0.0, 1.0, 1.0, 0.0, 0.0
+    now = obstacle.at(time)
+    return now.s - now.speed * time, now.l, now.length, now.width, now.heading, now.speed
 
 
 def open_controller(scenario: Scenario) -> SteeringController | ImperfectMeasurement:

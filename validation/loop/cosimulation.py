@@ -173,8 +173,10 @@ class _Run:
         return self.scenario.path.project(self.state.x, self.state.y, near)
 
     def ended(self) -> End | None:
-        path = self.scenario.path
-        if not path.closed and self.road_position()[0] >= path.length:
+        path, (s, l, heading) = self.scenario.path, self.road_position()  # noqa: E741 (the paper's letter)
+        if self.scenario.goal and self.scenario.goal.holds(self.state, s, l, self.state.yaw - heading):
+            return End.GOAL
+        if not path.closed and s >= path.length:
             return End.END_OF_ROAD
         if self.state.v_x < STANDSTILL and self.received.status in (Status.BLOCKED, Status.FAULT):
             return End.STOPPED

@@ -59,6 +59,7 @@ class End(Enum):
     COMPLETED = "completed"
     STOPPED = "stopped"
     END_OF_ROAD = "end of the road"
+    GOAL = "goal reached"
     INTERRUPTED = "interrupted"
     PLANT_INVALID = "plant invalid"
     CONTROLLER_ERROR = "controller error"

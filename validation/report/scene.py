@@ -22,11 +22,12 @@ def draw_plan(scene: mujoco.MjvScene, scenario: Scenario, plan: Any, x: float, y
         plan: Of the controller; None before its first step.
         x, y: Where the car is, in [m].
     """
-    path, config = scenario.path, scenario.controller
+    path = scenario.path
     s, _, _ = path.project(x, y)
     stations = np.linspace(max(0.0, s - _SPAN / 3), min(path.length, s + _SPAN), 80)
-    for offset in (config.width_left, -config.width_right):
-        _line(scene, path.to_cartesian(stations, np.full(80, offset)), 0.01, 0.06, _WHITE)
+    left, right = path.widths(stations)
+    for offset in (left, -right):
+        _line(scene, path.to_cartesian(stations, offset), 0.01, 0.06, _WHITE)
     if plan is None:
         return
     for offsets, colour, z in ((plan.left, _GREEN, 0.03), (plan.right, _GREEN, 0.03), (plan.l, _BLUE, 0.05)):

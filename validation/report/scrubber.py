@@ -43,10 +43,10 @@ def _flat(points: Array) -> list[float]:
 
 def _road(scenario: Scenario, recording: Recording) -> dict[str, list[float]]:
     s = np.linspace(*driven_extent(recording), 300)
-    config, path = scenario.controller, scenario.path
+    path = scenario.path
+    widths = path.widths(s)
     left, middle, right = (
-        np.column_stack(path.to_cartesian(s, np.full_like(s, offset)))
-        for offset in (config.width_left, 0.0, -config.width_right)
+        np.column_stack(path.to_cartesian(s, offset)) for offset in (widths[0], np.zeros_like(s), -widths[1])
     )
     return {"left": _flat(left), "middle": _flat(middle), "right": _flat(right)}
 
@@ -71,8 +71,9 @@ def _frames(scenario: Scenario, recording: Recording, shown: NDArray[np.intp]) -
 
 
 def _plan(scenario: Scenario, plan: Any) -> dict[str, list[float]]:
-    path, config = scenario.path, scenario.controller
-    left, right = (np.clip(bound, -config.width_right, config.width_left) for bound in (plan.left, plan.right))
+    path = scenario.path
+    widths = path.widths(plan.s)
+    left, right = (np.clip(bound, -widths[1], widths[0]) for bound in (plan.left, plan.right))
     band = np.vstack([
         np.column_stack(path.to_cartesian(plan.s, left)),
         np.column_stack(path.to_cartesian(plan.s, right))[::-1],

@@ -62,11 +62,11 @@ def _steering(angle: Axes, rate: Axes, scenario: Scenario, recording: Recording)
 
 
 def _offset(axes: Axes, scenario: Scenario, recording: Recording) -> None:
-    config = scenario.controller
     panel(axes, "Lateral offset", "m")
     if recording.plans:
-        met = np.array([(p.time, p.right[0], p.left[0]) for p in recording.plans])
-        right, left = (np.clip(met[:, i], -config.width_right, config.width_left) for i in (1, 2))
+        met = np.array([(p.time, p.right[0], p.left[0], p.s[0]) for p in recording.plans])
+        widths = scenario.path.widths(met[:, 3])
+        right, left = (np.clip(met[:, i], -widths[1], widths[0]) for i in (1, 2))
         axes.fill_between(met[:, 0], right, left, color=GREEN, alpha=0.2, linewidth=0.0, step="post", label="corridor")
     axes.plot(recording["time"], recording["l"], color=BLUE, label="centre of gravity")
     legend(axes)

@@ -9,7 +9,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from sidestep.plant_models.road.reference_path import ReferencePath
-from sidestep.validation.geometry import Array, car_boxes, obstacle_boxes
+from sidestep.validation.geometry import Array, car_boxes, obstacle_boxes, obstacle_poses
 from sidestep.validation.judge.verdict import Judgement
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.report.style import BLUE, GREEN, INK, ORANGE, PAPER, PURPLE, RED, ROAD, legend, styled
@@ -38,6 +38,25 @@ def top_view(scenario: Scenario, recording: Recording, judgement: Judgement) -> 
         _whole_run(axes[0], scenario, recording, judgement, views[0])
         if plan is not None:
             _one_plan(axes[1], scenario, recording, plan, views[1])
+    return figure
+
+
+def scene_view(scenario: Scenario) -> Figure:
+    """What is to be driven: road, obstacles where they are at the start, with the ways that they go, and the car."""
+    path, start = scenario.path, scenario.start
+    view = 0.0, path.length
+    with styled():
+        figure, (axes,) = stacked_axes(path, [view])
+        draw_road(axes, scenario, view, 0.0)
+        times = np.arange(0.0, scenario.duration + 0.1, 0.1)
+        for obstacle in scenario.obstacles:
+            there = obstacle.is_there(times)
+            if obstacle.moves and there.any():
+                x, y, _ = obstacle_poses(path, obstacle, times[there])
+                axes.plot(x, y, color=RED, linewidth=0.8, alpha=0.6)
+        car = car_boxes(scenario.vehicle, start.x, start.y, start.yaw)
+        axes.add_collection(PolyCollection(list(car), facecolor=BLUE, edgecolor=BLUE, zorder=3), autolim=False)
+        axes.set_title(f"{scenario.name}: {scenario.speed:.1f} m/s, {scenario.duration:.1f} s", loc="left")
     return figure
 
 
@@ -82,9 +101,10 @@ def stacked_axes(path: ReferencePath, views: Sequence[View]) -> tuple[Figure, li
 
 def draw_road(axes: Axes, scenario: Scenario, view: View, time: float) -> None:
     """Road surface, edges, reference path, and the obstacles where they are at `time`."""
-    path, config = scenario.path, scenario.controller
+    path = scenario.path
     s = np.linspace(*view, 400)
-    left, right = path.to_cartesian(s, config.width_left), path.to_cartesian(s, -config.width_right)
+    widths = path.widths(s)
+    left, right = path.to_cartesian(s, widths[0]), path.to_cartesian(s, -widths[1])
     axes.fill([*left[0], *right[0][::-1]], [*left[1], *right[1][::-1]], facecolor=ROAD, edgecolor="none", zorder=0)
     for edge in (left, right):
         axes.plot(*edge, color=INK, linewidth=1.2)
@@ -92,7 +112,7 @@ def draw_road(axes: Axes, scenario: Scenario, view: View, time: float) -> None:
     boxes = [obstacle_boxes(path, obstacle, np.array([time]))[0] for obstacle in scenario.obstacles]
     axes.add_collection(PolyCollection(boxes, facecolor=RED, edgecolor=RED, alpha=0.85, zorder=3), autolim=False)
     if _is_straight(path):
-        axes.set(xlim=view, ylim=(-config.width_right - 0.6, config.width_left + 0.6))
+        axes.set(xlim=view, ylim=(-widths[1].max() - 0.6, widths[0].max() + 0.6))
         axes.set(xlabel="along the road  [m]", ylabel="across, stretched  [m]")
     else:
         axes.set_aspect("equal", adjustable="datalim")
@@ -101,9 +121,9 @@ def draw_road(axes: Axes, scenario: Scenario, view: View, time: float) -> None:
 
 
 def _band(axes: Axes, scenario: Scenario, s: Array, left: Array, right: Array, label: str) -> None:
-    config, path = scenario.controller, scenario.path
-    upper = path.to_cartesian(s, np.clip(left, -config.width_right, config.width_left))
-    lower = path.to_cartesian(s, np.clip(right, -config.width_right, config.width_left))
+    path = scenario.path
+    widths = path.widths(s)
+    upper, lower = (path.to_cartesian(s, np.clip(bound, -widths[1], widths[0])) for bound in (left, right))
     outline = [*upper[0], *lower[0][::-1]], [*upper[1], *lower[1][::-1]]
     axes.fill(*outline, facecolor=GREEN, edgecolor="none", alpha=0.22, label=label, zorder=1)
     for edge in (upper, lower):

@@ -10,13 +10,14 @@ from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.ranges import Range, bounded_fields
 from sidestep.plant_models.tyres.parameters import TyreParameters
 from sidestep.plant_models.vehicle.parameters import SuspensionParameters, VehicleParameters
-from sidestep.validation.scenarios.plant_settings import Heights, PlantSettings
-from sidestep.validation.scenarios.scenario import ELSEWHERE, Road, Start, TopLevel
+from sidestep.validation.scenarios.plant_settings import HeightTable, PlantSettings
+from sidestep.validation.scenarios.road_table import RoadTable
+from sidestep.validation.scenarios.scenario import ELSEWHERE, ScenarioTables, StartTable
 
 TABLES: dict[str, type] = {
-    "": TopLevel,
-    "road": Road,
-    "start": Start,
+    "": ScenarioTables,
+    "road": RoadTable,
+    "start": StartTable,
     "obstacles[]": Obstacle,
     "vehicle": VehicleParameters,
     "vehicle.tyre": TyreParameters,
@@ -24,7 +25,7 @@ TABLES: dict[str, type] = {
     "controller": ControllerConfig,
     "plant": PlantSettings,
     "plant.patches[]": FrictionPatch,
-    "plant.heights": Heights,
+    "plant.heights": HeightTable,
 }
 """The dataclass of each table; `[]` stands for every entry of a list."""
 

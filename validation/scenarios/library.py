@@ -42,7 +42,7 @@ def read_scenario(name_or_path: str | Path, folder: Path = Path()) -> tuple[Path
     """File and text of a scenario; a built-in one stands as if in `folder`, for the files that overrides name.
 
     Args:
-        name_or_path: One of `built_in_scenarios()`, or a TOML file.
+        name_or_path: One of `built_in_scenarios()`, a TOML file, a CommonRoad .xml or an OpenSCENARIO .xosc file.
         folder: From which the file is found.
 
     Raises:
@@ -54,7 +54,12 @@ def read_scenario(name_or_path: str | Path, folder: Path = Path()) -> tuple[Path
     file = folder / name
     if not file.is_file():
         problem = f"no built-in scenario and no file {name!r}{did_you_mean(name, known)}"
-        raise InputError("scenario", problem, f"{', '.join(known)}, or a TOML file")
+        raise InputError("scenario", problem, f"{', '.join(known)}, or a TOML, .xml or .xosc file")
+    if file.suffix.lower() in (".xml", ".xosc"):
+        from sidestep.validation.scenarios.readers.formats import read_foreign, to_toml
+
+        imported = read_foreign(file)
+        return file, to_toml(imported.tables, imported.notes)
     try:
         return file, file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

@@ -67,8 +67,14 @@ class PlantSettings:
 
 
 @dataclass
-class Heights:
-    """The table `plant.heights`: a file of heights, and where its grid lies."""
+class HeightTable:
+    """The table `plant.heights` of a scenario file: bumps on the road of MuJoCo's car.
+
+    Attributes:
+        path: CSV file of heights, in [m].
+        spacing: Of its grid, in [m].
+        x, y: Where it begins, in [m].
+    """
 
     path: str
     spacing: Annotated[float, Range(0.001, 1e4, "m")]
@@ -91,5 +97,5 @@ def plant_settings(table: dict[str, Any], folder: Path) -> PlantSettings:
 
 
 def _heights(table: Any, folder: Path) -> HeightField:
-    values = checked(Heights, table, "plant.heights")
+    values = checked(HeightTable, table, "plant.heights")
     return HeightField.from_csv(file_at(folder, values.pop("path"), "plant.heights.path"), **values)

@@ -1,8 +1,9 @@
 """Scenarios: what is driven, as one checked value, from a TOML file and `--set` overrides."""
 
+import math
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,22 +15,23 @@ from sidestep.fmu.importing.mapping import vehicle_table
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.ranges import Range
-from sidestep.plant_models.road.reference_path import Arc, Clothoid, Line, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
 from sidestep.plant_models.signals import VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters, require_one_stiffness
 from sidestep.plant_models.vehicle.table import WHOLE, vehicle_from_table
 from sidestep.validation.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
+from sidestep.validation.scenarios.goal import Goal, goal
 from sidestep.validation.scenarios.library import read_scenario
 from sidestep.validation.scenarios.plant_settings import PlantSettings, plant_settings
-from sidestep.validation.scenarios.tables import built, checked, file_at, joined, override
-
-_SEGMENTS = {"line": Line, "arc": Arc, "clothoid": Clothoid}
+from sidestep.validation.scenarios.readers.formats import ENDINGS, read_foreign
+from sidestep.validation.scenarios.road_table import road_path
+from sidestep.validation.scenarios.tables import checked, file_at, override
+from sidestep.validation.scenarios.traffic import obstacle, placed
 
 ELSEWHERE = ("width_left", "width_right", "cruise_speed")
 """Settings of the controller that the tables of road and scenario hold."""
 
 Speed = Annotated[float, Range(0.01, 150.0, "m/s")]
-Width = Annotated[float, Range(0.01, 1e3, "m")]
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,8 @@ class Scenario:
         controller_preset: Name of the configuration that it started from.
         description: One line for lists.
         plant: Which plant.
+        goal: Where, when and how it ends before its time; None for nowhere.
+        notes: What was put right, smoothed, assumed or left out on the way from the file to this.
         tables: The file's tables after the overrides: what makes the same run again.
         folder: From which the files in them are found.
     """
@@ -63,13 +67,29 @@ class Scenario:
     controller_preset: str = "default"
     description: str = ""
     plant: PlantSettings = field(default_factory=PlantSettings)
+    goal: Goal | None = None
+    notes: tuple[str, ...] = ()
     tables: dict[str, Any] = field(default_factory=dict, compare=False)
     folder: Path = field(default=Path(), compare=False)
 
 
 @dataclass
-class TopLevel:
-    """The keys of a scenario file."""
+class ScenarioTables:
+    """A scenario file: one drive.
+
+    Attributes:
+        name: Used for the names of output folders; letters, digits, `_`, `.`, `-`. The file's own if not given.
+        speed: To be held, in [m/s].
+        duration: Simulated time at most, in [s].
+        road: Table, see `road`.
+        description: One line for lists.
+        start: Table, see `start`.
+        obstacles: List of tables, see `obstacles[]`.
+        vehicle: Table, see `vehicle`.
+        controller: Table, see `controller`.
+        plant: Table, see `plant`.
+        goal: Table, see `goal`.
+    """
 
     name: Annotated[str, Meta(pattern=r"^[\w.-]+$")]
     speed: Speed
@@ -81,40 +101,55 @@ class TopLevel:
     vehicle: dict[str, Any] = field(default_factory=dict)
     controller: dict[str, Any] = field(default_factory=dict)
     plant: dict[str, Any] = field(default_factory=dict)
+    goal: dict[str, Any] | None = None
 
 
 @dataclass
-class Road:
-    """The table `road` of a scenario file."""
+class StartTable:
+    """The table `start` of a scenario file: the car's reference point at time 0.
 
-    width_left: Width
-    width_right: Width
-    segments: list[Any] = field(default_factory=list)
-    waypoints: str = ""
-
-
-@dataclass
-class Start:
-    """The table `start` of a scenario file: at time 0, in the road frame."""
+    Attributes:
+        s, l: Along the road's reference (of way-points: along their polyline) and to the left of it, in [m].
+        heading: Relative to the road's direction there, in [rad].
+        speed: Of the reference point, in [m/s]; that to hold if not given.
+        sideslip: Direction of that speed relative to the heading, in [rad].
+        yaw_rate: In [rad/s].
+    """
 
     s: Annotated[float, Range(-1e6, 1e6, "m")] = 0.0
     l: Annotated[float, Range(-1e3, 1e3, "m")] = 0.0  # noqa: E741 (the paper's letter)
     heading: Annotated[float, Range(-100.0, 100.0, "rad")] = 0.0
-    speed: Speed | None = None
+    speed: Annotated[float, Range(0.0, 150.0, "m/s")] | None = None
+    sideslip: Annotated[float, Range(-1.5, 1.5, "rad")] = 0.0
+    yaw_rate: Annotated[float, Range(-10.0, 10.0, "rad/s")] = 0.0
 
 
 def load_scenario(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
     """Read a scenario.
 
     Args:
-        name_or_path: One of `built_in_scenarios()`, or a TOML file.
+        name_or_path: One of `built_in_scenarios()`, a TOML file, a CommonRoad .xml or an OpenSCENARIO .xosc file.
         overrides: `key=value` with dotted keys, as given to `--set`.
 
     Raises:
         InputError: With file, dotted key and what is allowed.
     """
+    if (foreign := Path(name_or_path)).suffix.lower() in ENDINGS and foreign.is_file():
+        own = {key: value for change in overrides for key, value in _parameter(change)}
+        imported = read_foreign(foreign, own)
+        for change in overrides:
+            if not _parameter(change):
+                override(imported.tables, change)
+        return scenario_from_tables(imported.tables, str(name_or_path), foreign, imported.notes)
     file, text = read_scenario(name_or_path)
     return parse_scenario(text, str(name_or_path), overrides, file)
+
+
+def _parameter(change: str) -> list[tuple[str, str]]:
+    """Name and value of an override `parameters.NAME=VALUE`; empty if it is another one."""
+    key, separator, value = change.partition("=")
+    prefix, dot, name = key.strip().partition(".")
+    return [(name, value.strip())] if separator and dot and prefix == "parameters" else []
 
 
 def parse_scenario(
@@ -140,30 +175,33 @@ def parse_scenario(
     return scenario_from_tables(tables, label, file)
 
 
-def scenario_from_tables(tables: dict[str, Any], label: str, file: Path) -> Scenario:
+def scenario_from_tables(tables: dict[str, Any], label: str, file: Path, notes: Sequence[str] = ()) -> Scenario:
     """A scenario from the tables of its file, overrides included; see `parse_scenario`."""
     try:
-        return _scenario(tables, file)
+        scenario = _scenario(tables, file)
+        return replace(scenario, notes=(*notes, *scenario.path.notes))
     except InputError as error:
         raise InputError(f"{label}: {error.where}", error.problem, error.allowed) from error
 
 
 def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
-    top = TopLevel(**checked(TopLevel, {"name": file.stem, **tables}))
-    road = Road(**checked(Road, top.road, "road"))
-    start = Start(**checked(Start, top.start, "start"))
-    path = _path(road, file.parent)
-    preset, config = _controller(top.controller, road, top.speed)
-    x, y = path.to_cartesian(start.s, start.l)
-    yaw = path.heading(start.s) + start.heading
+    top = ScenarioTables(**checked(ScenarioTables, {"name": file.stem, **tables}))
+    start = StartTable(**checked(StartTable, top.start, "start"))
+    path = road_path(top.road, file.parent)
+    preset, config = _controller(top.controller, path, top.speed)
+    obstacles = (obstacle(values, f"obstacles[{i}]", path, file.parent) for i, values in enumerate(top.obstacles))
+    x, y, yaw = placed(path, start.s, start.l, start.heading)
+    speed = top.speed if start.speed is None else start.speed
+    v_x, v_y = speed * math.cos(start.sideslip), speed * math.sin(start.sideslip)
     plant = plant_settings(top.plant, file.parent)
     scenario = Scenario(
         name=top.name,
         speed=top.speed,
         duration=top.duration,
         path=path,
-        start=VehicleState(0.0, x, y, yaw, start.speed or top.speed),
-        obstacles=tuple(_obstacle(values, f"obstacles[{i}]") for i, values in enumerate(top.obstacles)),
+        start=VehicleState(0.0, x, y, yaw, v_x, v_y, start.yaw_rate),
+        obstacles=tuple(obstacles),
+        goal=goal(top.goal, path),
         vehicle=_vehicle(told_car(top.vehicle, plant), file.parent),
         controller=config,
         controller_preset=preset,
@@ -174,28 +212,6 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
     )  # fmt: skip
     _check_start(scenario, start.s)
     return scenario
-
-
-def _path(road: Road, folder: Path) -> ReferencePath:
-    if bool(road.segments) == bool(road.waypoints):
-        raise InputError("road", "needs either segments or waypoints", "segments = [...] or waypoints = FILE.csv")
-    if road.waypoints:
-        return ReferencePath.from_csv(file_at(folder, road.waypoints, "road.waypoints"))
-    return ReferencePath.from_segments(
-        [_segment(table, f"road.segments[{i}]") for i, table in enumerate(road.segments)]
-    )
-
-
-def _segment(table: Any, where: str) -> Line | Arc | Clothoid:
-    kind = table.get("type") if isinstance(table, dict) else None
-    if kind not in _SEGMENTS:
-        raise InputError(joined(where, "type"), f"{kind!r}", ", ".join(_SEGMENTS))
-    values = {key: value for key, value in table.items() if key != "type"}
-    return built(_SEGMENTS[kind], values, where)
-
-
-def _obstacle(table: Any, where: str) -> Obstacle:
-    return built(Obstacle, table, where)
 
 
 def _vehicle(table: dict[str, Any], folder: Path) -> VehicleParameters:
@@ -215,8 +231,8 @@ def told_car(vehicle: dict[str, Any], plant: PlantSettings) -> dict[str, Any]:
     return vehicle_table(Path(plant.map)) | vehicle
 
 
-def _controller(table: dict[str, Any], road: Road, speed: float) -> tuple[str, ControllerConfig]:
-    elsewhere = dict(zip(ELSEWHERE, (road.width_left, road.width_right, speed), strict=True))
+def _controller(table: dict[str, Any], path: ReferencePath, speed: float) -> tuple[str, ControllerConfig]:
+    elsewhere = dict(zip(ELSEWHERE, (*path.edges.narrowest, speed), strict=True))
     values = checked(ControllerConfig, table, "controller", partial=True, also={"preset": str}, without=ELSEWHERE)
     preset = values.pop("preset", "default")
     return preset, ControllerConfig.preset(preset, **elsewhere, **values)
@@ -224,15 +240,15 @@ def _controller(table: dict[str, Any], road: Road, speed: float) -> tuple[str, C
 
 def _check_start(scenario: Scenario, s: float) -> None:
     start, path = scenario.start, scenario.path
-    if not 0.0 <= s <= path.length:
-        raise InputError("start.s", f"{s} m is not on the road", f"0 to {path.length:.3f}")
+    length = path.given.length if path.given else path.length
+    if not 0.0 <= s <= length:
+        raise InputError("start.s", f"{s} m is not on the road", f"0 to {length:.3f}")
     box = car_boxes(scenario.vehicle, start.x, start.y, start.yaw)
-    config = scenario.controller
-    if (edge := float(edge_clearance(path, config.width_left, config.width_right, box, np.array([s]))[0])) < 0.0:
+    if (edge := float(edge_clearance(path, box, path.station_of([s]))[0])) < 0.0:
         raise InputError(
             "start.l", f"the car stands {-edge:.2f} m over the road's edge", "all four corners on the road"
         )
-    for index, obstacle in enumerate(scenario.obstacles):
-        gap = float(signed_clearance(box, obstacle_boxes(path, obstacle, np.zeros(1)))[0])
+    for index, other in enumerate(scenario.obstacles):
+        gap = float(signed_clearance(box, obstacle_boxes(path, other, np.zeros(1)))[0])
         if gap <= 0.0:
             raise InputError(f"obstacles[{index}]", "stands on the start of the car", "a free start")

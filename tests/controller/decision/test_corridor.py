@@ -20,7 +20,8 @@ from sidestep.controller.decision.corridor import (
 )
 from sidestep.controller.decision.view import View
 from sidestep.controller.records import GRID, NODES, WORK, filled
-from sidestep.plant_models.road.reference_path import Arc, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Arc
 
 
 def seen(outlines, speed=0.0):

@@ -14,7 +14,8 @@ from sidestep.controller.mpc.unconstrained import solve_freely
 from sidestep.controller.records import SLACKS
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.plant_models.road.reference_path import Line, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Line
 from sidestep.plant_models.signals import VehicleState
 
 DOUBLE = (Obstacle(40.0, -0.6, 4.5, 1.8), Obstacle(70.0, 0.8, 4.5, 1.8))

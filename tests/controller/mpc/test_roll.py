@@ -15,7 +15,8 @@ from sidestep.controller.records import WORK, record
 from sidestep.controller.settings import settings_of
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.mujoco.plant import MujocoPlant
-from sidestep.plant_models.road.reference_path import Line, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Line
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 

@@ -13,7 +13,8 @@ from sidestep.controller.perception.observer import FIRST_STEPS, observe_disturb
 from sidestep.controller.records import DISTURBANCE, record
 from sidestep.controller.settings import settings_of
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.plant_models.road.reference_path import Line, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Line
 from sidestep.plant_models.signals import VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 

@@ -8,8 +8,10 @@ from shapely import affinity, box
 
 from sidestep.plant_models.mujoco.plant import MujocoPlant
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.plant_models.road.reference_path import Arc, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Arc
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
+from sidestep.plant_models.trajectory import Trajectory
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
 BMW = VehicleParameters.preset("bmw-320i")
@@ -79,3 +81,25 @@ def test_an_obstacle_from_behind_pushes_the_car():
         state = plant.step(SteeringCommand(0.0, 0.0, 0.0), 0.01)
     assert plant.collided
     assert state.x > 3.0
+
+
+def test_a_box_follows_its_trajectory_comes_and_goes():
+    road = ReferencePath.from_segments([Arc(80.0, 0.02)])
+    time, x, y = [0.0, 0.5, 1.0], [20.0, 20.0, 24.0], [-6.0, 4.0, 4.0]
+    way = Trajectory.in_world(road, time, x, y, [1.5, 1.5, 0.0])
+    plant = MujocoPlant(BMW, road, [Obstacle.along(way, 2.0, 1.0, appears=0.1, vanishes=0.9)])
+    state = plant.reset(VehicleState(v_x=5.0))
+    assert plant.clearance() > 50.0  # not there yet
+    for k in range(1, 10):
+        state = plant.step(SteeringCommand(0.0, 0.0, 5.0), 0.1)
+        there = 1 <= k < 9
+        centre = [float(np.interp(0.1 * k, time, values)) for values in (x, y, [1.5, 1.5, 0.0])]
+        outline = affinity.rotate(box(-1.0, -0.5, 1.0, 0.5), centre[2], origin=(0, 0), use_radians=True)
+        expected = footprint(state, BMW.front_extent, BMW.rear_extent, BMW.width).distance(
+            affinity.translate(outline, *centre[:2])
+        )
+        if there:
+            assert plant.clearance() == pytest.approx(expected, abs=0.02)
+        else:
+            assert plant.clearance() > 50.0
+    assert not plant.collided

@@ -11,7 +11,8 @@ from sidestep.plant_models.mujoco.bodies import WHEELS, corners, sprung_body
 from sidestep.plant_models.mujoco.car import TYRE_DAMPING, car_spec
 from sidestep.plant_models.mujoco.plant import MujocoPlant
 from sidestep.plant_models.mujoco.surface import FrictionPatch, HeightField, Surface, patch_table
-from sidestep.plant_models.road.reference_path import Arc, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Arc
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.tyres.contact import TYRE_MODES, friction_at
 from sidestep.plant_models.tyres.formula import magic_formula

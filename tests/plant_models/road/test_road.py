@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numba import njit
@@ -11,7 +12,9 @@ from scipy.special import fresnel
 
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.road.clothoid import MAX_LENGTH, curvature_at
-from sidestep.plant_models.road.reference_path import Arc, Clothoid, Line, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Arc, Clothoid, Line
+from sidestep.plant_models.road.widths import Widths, widths_at
 
 steady = settings(deadline=None, derandomize=True, max_examples=50)
 
@@ -247,19 +250,28 @@ def test_half_a_circle_is_met_within_a_millimetre_up_to_its_ends():
 
 @steady
 @given(st.lists(st.tuples(st.floats(4.0, 15.0), st.floats(-0.35, 0.35)), min_size=3, max_size=12), st.booleans())
-def test_the_path_goes_through_its_way_points_and_stays_arc_length_parametrised(legs, far_away):
+def test_the_path_holds_to_its_way_points_and_stays_arc_length_parametrised(legs, far_away):
     length, turn = np.array(legs).T
     angle = np.cumsum(turn)
-    points = np.column_stack([np.cumsum(length * np.cos(angle)), np.cumsum(length * np.sin(angle))]) + 5e6 * far_away
-    path = ReferencePath.from_waypoints(points)
-    s, l_s, _ = path.project(points[:, 0], points[:, 1])
-    np.testing.assert_allclose(l_s, 0.0, atol=1e-8)
+    points = np.column_stack([np.cumsum(length * np.cos(angle)), np.cumsum(length * np.sin(angle))])
+    path = ReferencePath.from_waypoints(points + 5e6 * far_away)
+    assert path.origin == ((5e6, 5e6) if far_away else (0.0, 0.0))
+    s, l_s, _ = path.project(points[:, 0], points[:, 1], near=path.station_of(path.given.stations))
+    np.testing.assert_allclose(l_s, 0.0, atol=0.1)
     assert np.all(np.diff(s) > 0.0)
-    assert (s[0], s[-1]) == pytest.approx((0.0, path.length), abs=1e-8)
+    assert (s[0], s[-1]) == pytest.approx((0.0, path.length), abs=1e-6)
+    assert furthest(path, points) <= 0.1
     stations = np.linspace(0.0, path.length, 401)
     middle, step = 0.5 * (stations[1:] + stations[:-1]), stations[1]
     chord = np.hypot(*np.diff(path.to_cartesian(stations, 0.0)))
     np.testing.assert_allclose(chord, step * (1.0 - (path.curvature(middle) * step) ** 2 / 24.0), rtol=1e-6, atol=1e-8)
+
+
+def furthest(path, points):
+    """Hausdorff distance of the path from a polyline, by shapely."""
+    line = shapely.LineString(points)
+    driven = shapely.LineString(np.column_stack(path.to_cartesian(np.linspace(0.0, path.length, 4001), 0.0)))
+    return shapely.hausdorff_distance(line, driven, densify=0.01)
 
 
 def test_the_splines_curvature_is_continuous():
@@ -280,12 +292,61 @@ def test_closing_is_found_out_or_asked_for():
     ring = circle_points(20.0, 2.0)
     closed = np.vstack([ring, ring[:1]])
     assert ReferencePath.from_waypoints(closed).closed
-    assert not ReferencePath.from_waypoints(ring).closed
+    assert ReferencePath.from_waypoints(ring).closed
+    assert not ReferencePath.from_waypoints(ring, closed=False).closed
+    assert not ReferencePath.from_waypoints(ring[:-4]).closed
     np.testing.assert_array_equal(
         ReferencePath.from_waypoints(ring, closed=True).table, ReferencePath.from_waypoints(closed).table
     )
     assert not ReferencePath.from_waypoints(closed, closed=False).closed
     assert not ReferencePath.from_segments([Arc(40.0 * math.pi, 0.05)], closed=False).closed
+
+
+def test_a_step_of_five_centimetres_stays_one():
+    path = ReferencePath.from_waypoints([(0, 0), (10, 0), (20, 0), (20.1, 0.05), (30, 0.05), (40, 0.05), (60, 0.05)])
+    _, y = path.to_cartesian(np.linspace(0.0, path.length, 500), 0.0)
+    assert y.min() > -0.03
+    assert y.max() < 0.08
+    assert np.abs(path.curvature(np.linspace(0.0, path.length, 500))).max() < 0.02
+    assert "smoothed along" in path.notes[-1]
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_uneven_spacing_does_not_swing_off(closed):
+    angle = np.cumsum([0.5, 0.02, 0.02, 0.5, 0.02, 0.3, 0.3, 0.02, 0.5] * 2 + [0.5, 0.5, 0.5, 0.02, 0.5])
+    points = 40.0 * np.column_stack([np.cos(angle), np.sin(angle)])
+    path = ReferencePath.from_waypoints(points, closed=closed)
+    assert furthest(path, np.vstack([points, points[:1]]) if closed else points) <= 0.1
+
+
+def test_what_cannot_hold_to_the_way_points_is_refused_with_the_place_and_smoothing_is_told():
+    corner = [(0.0, 0.0), (10.0, 0.0), (20.0, 0.0), (20.0, 10.0), (20.0, 20.0)]
+    with pytest.raises(InputError, match="turn by 90 degrees here") as caught:
+        ReferencePath.from_waypoints(corner)
+    assert caught.value.where == "road.waypoints[2]"
+    path = ReferencePath.from_waypoints(corner, smooth=1.5)
+    assert 0.1 < furthest(path, corner) <= 1.5
+    assert "strays from the way-points by up to" in path.notes[-1]
+
+
+def test_repeated_points_merge_and_the_first_is_named(tmp_path):
+    (tmp_path / "centre.csv").write_text("x,y\n0,0\n5,1\n5.004,1\n9,2\n14,3\n14,3\n")
+    path = ReferencePath.from_csv(tmp_path / "centre.csv")
+    assert path.notes == (f"merged 2 way-points closer than 1 cm to the one before, first {tmp_path / 'centre.csv'}:4",)
+    assert len(path.given.points) == 4
+
+
+def test_widths_of_a_file_are_looked_up_by_station(tmp_path):
+    rows = "".join(f"{x},0,{3 + x / 100},{2 if x < 50 else 4}\n" for x in range(0, 101, 10))
+    (tmp_path / "track.csv").write_text("# x_m,y_m,w_tr_right_m,w_tr_left_m\n" + rows)
+    path = ReferencePath.from_csv(tmp_path / "track.csv")
+    left, right = path.widths(np.array([-5.0, 0.0, 25.0, 45.0, 100.0, 120.0]))
+    np.testing.assert_allclose(right, [3.0, 3.0, 3.25, 3.45, 4.0, 4.0], atol=1e-9)
+    np.testing.assert_allclose(left, [2.0, 2.0, 2.0, 3.0, 4.0, 4.0], atol=1e-9)
+    for s, both in zip((-5.0, 25.0, 45.0, 120.0), np.column_stack([left, right])[[0, 2, 3, 5]], strict=True):
+        assert widths_at(path.edges.table, path.edges.spacing, path.period, s) == pytest.approx(tuple(both))
+    with pytest.raises(InputError, match=r"road\.width_left"):
+        path.with_edges(Widths.at_stations([0.0, 1.0], [1.0, -1.0], [1.0, 1.0], path.length, False))
 
 
 # CSV
@@ -315,7 +376,6 @@ def test_csv_dialects(tmp_path, text):
         ("x,y\n0,0\n1\n", ":3", "only 1 column"),
         ("x;y\n0;0\n1,5;2,5\n", ":3", "'1,5' is not a number"),
         ("x,y\n0,0\nnan,1\n", ":3", "not finite"),
-        ("x,y\n0,0\n5,1\n5,1\n9,9\n", ":4", "repeats"),
         ("easting,northing\n0,0\n", ":1", "no columns x and y"),
         ("x,y\n", "", "0 points"),
         ("0,0\n", "", "1 points"),
@@ -357,10 +417,10 @@ def test_csv_that_cannot_be_read(tmp_path):
         (lambda: ReferencePath.from_segments([Line(1.0)], closed=True), "road.segments"),
         (lambda: ReferencePath.from_waypoints([(0.0, 0.0)]), "road.waypoints"),
         (lambda: ReferencePath.from_waypoints(np.zeros((4, 3))), "road.waypoints"),
-        (lambda: ReferencePath.from_waypoints([(0, 0), (1, 0), (1, 0)]), "road.waypoints[2]"),
+        (lambda: ReferencePath.from_waypoints([(0, 0), (1e-3, 0), (2e-3, 0)]), "road.waypoints"),
         (lambda: ReferencePath.from_waypoints([(0, 0), (9, 0), (0, 0)]), "road.waypoints"),
         (lambda: ReferencePath.from_waypoints([(0, 0), (9, math.inf)]), "road.waypoints[1]"),
-        (lambda: ReferencePath.from_waypoints([(0, 0), (1, 0), (1, 0.3), (0, 0.3)]), "road.waypoints[0]"),
+        (lambda: ReferencePath.from_waypoints([(0, 0), (1, 0), (1, 0.3), (0, 0.3)]), "road.waypoints[1]"),
         (lambda: ReferencePath.from_waypoints([(0, 0), (2.0 * MAX_LENGTH, 0)]), "road.waypoints"),
     ],
 )

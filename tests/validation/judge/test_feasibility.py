@@ -136,8 +136,8 @@ def poses(scenario: Scenario, found: Feasibility) -> tuple[np.ndarray, np.ndarra
 def clearance(scenario: Scenario, found: Feasibility) -> float:
     """To the nearest obstacle or edge along the witness, by the judge's geometry."""
     car = car_boxes(scenario.vehicle, *poses(scenario, found))
-    config, time = scenario.controller, found.witness[:, 0]
-    edge = edge_clearance(scenario.path, config.width_left, config.width_right, car, found.witness[:, 1]).min()
+    time = found.witness[:, 0]
+    edge = edge_clearance(scenario.path, car, found.witness[:, 1]).min()
     gaps = [signed_clearance(car, obstacle_boxes(scenario.path, o, time)).min() for o in scenario.obstacles]
     return min(float(edge), *map(float, gaps), math.inf)
 

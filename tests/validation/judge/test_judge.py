@@ -7,7 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.plant_models.road.reference_path import Arc, Line, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Arc, Line
+from sidestep.plant_models.road.widths import Widths
 from sidestep.validation.geometry import boxes, car_boxes, edge_clearance, obstacle_boxes, signed_clearance
 from sidestep.validation.judge.findings import Finding, Verdict
 from sidestep.validation.judge.verdict import judge
@@ -124,10 +126,10 @@ def test_a_moving_obstacle_follows_the_road():
 @settings(deadline=None)
 @given(st.floats(5.0, 100.0), st.floats(-2.0, 2.0), st.floats(-0.5, 0.5))
 def test_distance_to_the_edges_on_a_straight_road(s, offset, heading):
-    path = ReferencePath.from_segments([Line(150.0)])
+    path = ReferencePath.from_segments([Line(150.0)]).with_edges(Widths.constant(4.0, 3.0))
     corners = car_boxes(CAR, s, offset, heading)
     expected = min(4.0 - corners[0, :, 1].max(), 3.0 + corners[0, :, 1].min())
-    assert edge_clearance(path, 4.0, 3.0, corners, np.array([s]))[0] == pytest.approx(expected)
+    assert edge_clearance(path, corners, np.array([s]))[0] == pytest.approx(expected)
 
 
 # The verdict

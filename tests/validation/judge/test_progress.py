@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.plant_models.road.reference_path import Arc, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Arc
 from sidestep.validation.judge.findings import Verdict
 from sidestep.validation.judge.progress import asked_drive, obstacles_ahead, progress
 from sidestep.validation.judge.verdict import judge

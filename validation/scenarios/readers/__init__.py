@@ -1,0 +1,1 @@
+"""Readers of scenario formats that others define."""

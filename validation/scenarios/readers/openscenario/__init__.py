@@ -1,0 +1,1 @@
+"""OpenSCENARIO storyboards on OpenDRIVE roads."""
