@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Array, kernel
 from sidestep.plant_models.road.clothoid import curvature_at, point_at
 from sidestep.plant_models.road.widths import widths_at
 
@@ -24,7 +24,20 @@ _MOVES = np.array([0.0, -0.5, 0.5, -1.0, 1.0])  # share of the curvature limit, 
 
 
 @kernel
-def depth_first(start, speeds, limits, poses, boxes, table, period, car, edges, spacing, steering, layers):
+def depth_first(
+    start: Array,
+    speeds: Array,
+    limits: Array,
+    poses: Array,
+    boxes: Array,
+    table: Array,
+    period: float,
+    car: tuple[float, float, float],
+    edges: Array,
+    spacing: float,
+    steering: float,
+    layers: int,
+) -> tuple[bool, Array]:
     """The first trajectory through all layers.
 
     Args:
