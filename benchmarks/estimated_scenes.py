@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from wander import FILTER, noisy, teach
 
-from sidestep.controller import SteeringController
 from sidestep.controller.perception.estimator import Measurement, StateEstimator
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.validation.judge.verdict import judge
+from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.loop.cosimulation import cosimulate
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario
@@ -36,7 +36,7 @@ class Sensors:
 
     def __init__(self, scenario: Scenario, kind: str, seed: int, filtered: StateEstimator):
         config = replace(scenario.controller, reject_disturbance=kind not in FILTERED)
-        self.controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, config)
+        self.controller = bare_controller(replace(scenario, controller=config))
         self.kind, self.seed, self.filtered = kind, seed, filtered
 
     @property

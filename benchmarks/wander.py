@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from sidestep.controller import SteeringController
 from sidestep.controller.perception.estimator import EstimatorConfig, Measurement, StateEstimator
 from sidestep.plant_models.signals import VehicleState
+from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario
 
@@ -43,7 +44,7 @@ def teach(controller: SteeringController, filtered: StateEstimator) -> None:
 def drive(scene: Scenario, seed: int, filtered: StateEstimator | None, observes: bool) -> Iterator[VehicleState]:
     """True states; the controller sees noise, through the filter if there is one, with or without its own observer."""
     config = replace(scene.controller, reject_disturbance=observes)
-    controller = SteeringController(scene.vehicle, scene.path, (), config)
+    controller = bare_controller(replace(scene, controller=config, obstacles=()))
     random, period = np.random.default_rng(seed), scene.controller.period
     with open_plant(scene) as plant:
         state = plant.reset(VehicleState(v_x=15.0))

@@ -7,7 +7,8 @@ import pytest
 from sidestep.controller import ControllerConfig, SteeringController
 from sidestep.controller.decision.stopping import GRIP_SHARE, LEAST_BRAKING, SWERVE_TIME
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.plant_models.road.reference_path import Line, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Line
 from sidestep.plant_models.signals import VehicleState
 from sidestep.plant_models.speed_control import SPEED_GAIN
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters

@@ -6,7 +6,8 @@ from sidestep.controller import SteeringController
 from sidestep.controller.mpc.car_model import Car
 from sidestep.controller.mpc.prediction import advance
 from sidestep.controller.step import TRUSTED_SLIP
-from sidestep.plant_models.road.reference_path import Line, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Line
 from sidestep.plant_models.signals import VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 

@@ -132,7 +132,7 @@ def _met(scenario: Scenario, ahead: dict[int, float], time: Array, s: Array) -> 
     reached, passed = set(), set()
     for index, station in ahead.items():
         obstacle = scenario.obstacles[index]
-        gap = station + obstacle.speed * time - s
+        gap = station + (obstacle.track(time)[0] - obstacle.s) - s
         reached |= {index} if np.any(gap - half_length(obstacle) <= scenario.vehicle.front_extent) else set()
         passed |= {index} if np.any(gap + half_length(obstacle) <= -scenario.vehicle.rear_extent) else set()
     return reached, passed
@@ -141,7 +141,7 @@ def _met(scenario: Scenario, ahead: dict[int, float], time: Array, s: Array) -> 
 def _followed(scenario: Scenario, ahead: dict[int, float], passed: set[int], time: float, s: float) -> int | None:
     """The nearest obstacle ahead that moves on and is not left behind, if that is near."""
     gaps = {
-        index: station + o.speed * time - half_length(o) - s - scenario.vehicle.front_extent
+        index: station + float(o.track(time)[0] - o.s) - half_length(o) - s - scenario.vehicle.front_extent
         for index, station in ahead.items()
         if index not in passed and (o := scenario.obstacles[index]).speed > 0.0
     }

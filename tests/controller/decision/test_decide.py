@@ -5,7 +5,8 @@ import pytest
 
 from sidestep.controller import SteeringController
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.plant_models.road.reference_path import Line, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Line
 from sidestep.plant_models.signals import VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 

@@ -11,7 +11,8 @@ from sidestep.controller.mpc.roll import Body
 from sidestep.controller.perception.locate import locate
 from sidestep.controller.records import STATE, WORK, record
 from sidestep.controller.settings import settings_of
-from sidestep.plant_models.road.reference_path import Arc, Line, ReferencePath
+from sidestep.plant_models.road.reference_path import ReferencePath
+from sidestep.plant_models.road.segments import Arc, Line
 from sidestep.plant_models.signals import VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 

@@ -166,3 +166,12 @@ def test_a_goal_ends_the_drive():
     assert recording["s"][-1] == pytest.approx(20.0, abs=0.2)
     assert judgement.passed
     assert simulate(scene(STRAIGHT, "goal={s=[20, 30], speed=[0, 5]}"))[0].end is End.COMPLETED
+
+
+@pytest.mark.closed_loop
+def test_progress_counts_where_a_box_is_by_then():
+    box = "{length=4, width=2, trajectory={t=[0, 1, 9], s=[30, 30, 30], l=[0, 3, 3]}}"
+    waits = simulate(scene(STRAIGHT, f"obstacles=[{box}]"))[1]
+    flees = simulate(scene(STRAIGHT, f"obstacles=[{box.replace('30, 30, 30', '30, 45, 300')}]"))[1]
+    assert waits.progress.reached == (0,)
+    assert flees.progress.reached == ()
