@@ -1,13 +1,17 @@
 """The single track that is fitted to logs: axle forces with peak, load transfer and relaxation, many windows at once.
 
     m (v_y' + v_x r) = F_f cos(delta) + F_r - m b          b: acceleration by which a banked road pulls to the right
-    I_z r' = l_f F_f cos(delta) - l_r F_r - m a_x y_g      y_g: centre of gravity to the left of the car's middle
+    (I_z + J b^2 / R^2) r' = l_f F_f cos(delta) - l_r F_r - m a_x y_g - J / R v_x phi'
     sigma F_i' = v_x (D_i sin(C atan(x - E (x - atan x))) - F_i),   x = K_i alpha_i / (C D_i)
     K_i = C_i (1 + n (N_i / N_i0 - 1)),   D_i = mu_i N_i sqrt(1 - u_i^2),   N_i = N_i0 -+ m a_x h / L
 
+    phi'' = w^2 (k a - phi) - 2 z w phi',   a = (F_f cos(delta) + F_r) / m
+
 C_i is the axle's stiffness under its static load N_i0, u_i the share of its friction that braking (by load) or driving
-takes. A sensor on the body measures (F_f cos(delta) + F_r) / m, which has no bank in it, and the body's roll k a_y
-on top: (1 + g k) times that. With `linear` the forces are C_i alpha_i.
+takes, y_g how far the centre of gravity is left of the car's middle, J the spin inertia of all wheels, R their radius and
+b half the track: a wheel turns faster on the outside of a turn, and is a gyroscope that rolls. The body rolls by phi about an axis on the ground, h below the centre of gravity, so that the wheels slip by
+h phi' more. A sensor on the body measures a, which has no bank in it, and g phi on top. With `linear` the forces are
+C_i alpha_i and only sensor and wheels feel the roll.
 """
 
 from collections.abc import Mapping
@@ -24,6 +28,8 @@ Array = NDArray[np.float64]
 
 SHAPE = 1.1
 """Shape factor C of both axles: a peak that falls by 1 %. Logs hardly tell what is beyond it; a steep fall spins."""
+ROLLED = 60
+"""Samples before a window over which its roll is found."""
 LEAST_GRIP = 0.6
 """Share of an axle's friction that braking and driving leave at least."""
 
@@ -51,20 +57,28 @@ class Values(NamedTuple):
     sideslip_offset: float
     a_y_delay: float
     v_y_delay: float
+    roll_frequency: float
+    roll_damping: float
 
 
 class Chassis(NamedTuple):
-    """What is told: mass and geometry, and the share of the drive that the rear axle has."""
+    """What is told, SI units: mass and geometry, the drive's share at the rear axle, J / R and J b^2 / R^2."""
 
     mass: float
     l_f: float
     l_r: float
     rear_drive: float
+    gyroscope: float = 0.0
+    spinning: float = 0.0
 
     @classmethod
     def of(cls, vehicle: VehicleParameters, rear_drive: float) -> "Chassis":
-        """Of a vehicle file."""
-        return cls(vehicle.mass, vehicle.l_f, vehicle.l_r, rear_drive)
+        """Of a vehicle file; wheels count if it has suspension data."""
+        told = (vehicle.mass, vehicle.l_f, vehicle.l_r, rear_drive)
+        if (data := vehicle.suspension) is None:
+            return cls(*told)
+        spin, half = 4.0 * data.wheel_spin_inertia / data.wheel_radius, 0.25 * (data.track_front + data.track_rear)
+        return cls(*told, spin, spin / data.wheel_radius * half**2)
 
 
 def simulate(
@@ -138,12 +152,10 @@ def targets(p, c, v_x, a_x, v_y, r, angle, linear):
 
 
 @njit(cache=True, nogil=True)
-def _rates(p, c, v_x, a_x, r, angle, force_f, force_r, bank):
+def _rates(p, c, v_x, a_x, r, angle, force_f, force_r, rolling, bank):
     front = force_f * np.cos(angle)
-    return (
-        (front + force_r) / c[0] - v_x * r - bank,
-        (c[1] * front - c[2] * force_r - c[0] * a_x * p[10]) / p[8],
-    )
+    moment = c[1] * front - c[2] * force_r - c[0] * a_x * p[10] - c[4] * v_x * rolling
+    return (front + force_r) / c[0] - v_x * r - bank, moment / (p[8] + c[5])
 
 
 @njit(cache=True, nogil=True)
@@ -153,12 +165,12 @@ def _steady_v_y(p, c, v_x, r):
 
 
 @njit(cache=True, nogil=True)
-def advance(p, c, v_y, r, force_f, force_r, v_x, a_x, angle, bank, period, linear):
+def advance(p, c, state, v_x, a_x, angle, bank, period, linear):
     """One step by the midpoint rule; the forces' lag is exact for a held slip.
 
     Args:
         p, c: `Values` and `Chassis` as arrays.
-        v_y, r, force_f, force_r: The state, in [m/s], [rad/s] and [N].
+        state: v_y [m/s], yaw rate [rad/s], axle forces [N], roll [rad] and its rate [rad/s].
         v_x, a_x, angle: Speed [m/s], acceleration [m/s^2] and road-wheel angle [rad] at start, middle and end.
         bank: In [m/s^2].
         period: In [s].
@@ -167,18 +179,42 @@ def advance(p, c, v_y, r, force_f, force_r, v_x, a_x, angle, bank, period, linea
     Returns:
         The state after it.
     """
+    v_y, r, force_f, force_r, roll, rolling = state
+    aside = 0.0 if linear else p[9]
     half = 0.0 if linear else np.exp(-0.5 * v_x[0] * period / p[7])
-    d_v, d_r = _rates(p, c, v_x[0], a_x[0], r, angle[0], force_f, force_r, bank)
+    d_v, d_r = _rates(p, c, v_x[0], a_x[0], r, angle[0], force_f, force_r, rolling, bank)
+    d_roll = _roll_rate(p, c, force_f, force_r, angle[0], roll, rolling)
     middle_v, middle_r = v_y + 0.5 * period * d_v, r + 0.5 * period * d_r
-    to_f, to_r = targets(p, c, v_x[1], a_x[1], middle_v, middle_r, angle[1], linear)
+    middle_roll, middle_rolling = roll + 0.5 * period * rolling, rolling + 0.5 * period * d_roll
+    to_f, to_r = targets(p, c, v_x[1], a_x[1], middle_v + aside * middle_rolling, middle_r, angle[1], linear)
     middle_f, middle_fr = to_f + (force_f - to_f) * half, to_r + (force_r - to_r) * half
-    d_v, d_r = _rates(p, c, v_x[1], a_x[1], middle_r, angle[1], middle_f, middle_fr, bank)
+    d_v, d_r = _rates(p, c, v_x[1], a_x[1], middle_r, angle[1], middle_f, middle_fr, middle_rolling, bank)
+    d_roll = _roll_rate(p, c, middle_f, middle_fr, angle[1], middle_roll, middle_rolling)
     v_y, r = v_y + period * d_v, r + period * d_r
+    roll, rolling = roll + period * middle_rolling, rolling + period * d_roll
     if linear:  # no lag: the force is that of the state
         force_f, force_r = targets(p, c, v_x[2], a_x[2], v_y, r, angle[2], linear)
     else:
         force_f, force_r = to_f + (force_f - to_f) * half**2, to_r + (force_r - to_r) * half**2
-    return v_y, r, force_f, force_r
+    return v_y, r, force_f, force_r, roll, rolling
+
+
+@njit(cache=True, nogil=True)
+def _roll_rate(p, c, force_f, force_r, angle, roll, rolling):
+    felt = (force_f * np.cos(angle) + force_r) / c[0]
+    return p[20] ** 2 * (p[16] * felt - roll) - 2.0 * p[21] * p[20] * rolling
+
+
+@njit(cache=True, nogil=True)
+def _rolled(p, speed, start_r, k0, period):
+    """Roll and its rate at a window's start: what the turning before it has left."""
+    first = max(k0 - ROLLED, 0)
+    roll, rolling = p[16] * speed[first] * start_r[first], 0.0
+    for k in range(first, k0):
+        rolling += period * p[20] ** 2 * (p[16] * speed[k] * (start_r[k] - p[14]) - roll)
+        rolling /= 1.0 + 2.0 * period * p[21] * p[20]
+        roll += period * rolling
+    return roll, rolling
 
 
 @njit(cache=True, nogil=True)
@@ -193,18 +229,19 @@ def _run(p, c, steer, speed, along, start_r, start_v_y, starts, moved, period, l
             v_y = _at(start_v_y, k0 + p[19] / period) - p[17] * speed[k0]
         v_y += moved[w, 0]
         angle = p[11] * _at(steer, k0 - late) + p[12]
-        force_f, force_r = targets(p, c, speed[k0], along[k0], v_y, r, angle, linear)
+        roll, rolling = _rolled(p, speed, start_r, k0, period)
+        aside = 0.0 if linear else p[9] * rolling
+        force_f, force_r = targets(p, c, speed[k0], along[k0], v_y + aside, r, angle, linear)
+        state = (v_y, r, force_f, force_r, roll, rolling)
         for k in range(steps):
             i = k0 + k
             bank = moved[w, 2] + (moved[w, 3] - moved[w, 2]) * k / steps
-            out[w, k, 0] = r + p[14]
-            out[w, k, 1] = (1.0 + GRAVITY * p[16]) * (force_f * np.cos(angle) + force_r) / c[0] + p[15]
-            out[w, k, 2] = v_y + p[17] * speed[i]
+            out[w, k, 0] = state[1] + p[14]
+            out[w, k, 1] = (state[2] * np.cos(angle) + state[3]) / c[0] + GRAVITY * state[4] + p[15]
+            out[w, k, 2] = state[0] + p[17] * speed[i]
             v_x = (speed[i], _at(speed, i + 0.5), _at(speed, i + 1.0))
             a_x = (along[i], _at(along, i + 0.5), _at(along, i + 1.0))
             middle, end = p[11] * _at(steer, i + 0.5 - late) + p[12], p[11] * _at(steer, i + 1.0 - late) + p[12]
             angles = (angle, middle, end)
-            v_y, r, force_f, force_r = advance(
-                p, c, v_y, r, force_f, force_r, v_x, a_x, angles, bank, period, linear
-            )  # fmt: skip
+            state = advance(p, c, state, v_x, a_x, angles, bank, period, linear)
             angle = end

@@ -59,10 +59,12 @@ PARAMETERS = (
     Parameter("steer_delay", "s", "steering before yaw rate", False, 0.03, 0.01),
     Parameter("yaw_rate_offset", "rad/s", "yaw-rate offset", False, 0.02, 0.005),
     Parameter("a_y_offset", "m/s²", "acceleration offset", False, 0.4, 0.15, "a_y"),
-    Parameter("roll_gain", "rad/(m/s²)", "roll per lateral acceleration", False, 0.005, 0.0015, "a_y"),
+    Parameter("roll_gain", "rad/(m/s²)", "roll per lateral acceleration", False, 0.006, 0.002, "a_y"),
     Parameter("sideslip_offset", "rad", "sideslip offset", False, 0.02, 0.005, "v_y"),
     Parameter("a_y_delay", "s", "acceleration after yaw rate", False, 0.05, 0.01, "a_y"),
     Parameter("v_y_delay", "s", "sideslip after yaw rate", False, 0.05, 0.01, "v_y"),
+    Parameter("roll_frequency", "rad/s", "undamped roll", True, 0.3, 0.15, "a_y", linear=False),
+    Parameter("roll_damping", "-", "damping ratio of roll", True, 0.5, 0.25, "a_y", linear=False),
 )
 BY_NAME = {p.name: p for p in PARAMETERS}
 _PER_LOAD = 16.0
@@ -102,7 +104,8 @@ def begin(chassis: Chassis, steer_gain: float, cg_height: float) -> Values:
         mu_f=1.1, mu_r=1.1, e_f=0.0, e_r=0.0, load_exponent=0.7, relaxation=0.35,
         I_z=chassis.mass * chassis.l_f * chassis.l_r, cg_height=cg_height, cg_offset=0.0,
         steer_gain=steer_gain, steer_offset=0.0, steer_delay=0.0, yaw_rate_offset=0.0,
-        a_y_offset=0.0, roll_gain=0.0, sideslip_offset=0.0, a_y_delay=0.0, v_y_delay=0.0,
+        a_y_offset=0.0, roll_gain=0.005, sideslip_offset=0.0, a_y_delay=0.0, v_y_delay=0.0, roll_frequency=10.0,
+        roll_damping=0.35,
     )  # fmt: skip
 
 
