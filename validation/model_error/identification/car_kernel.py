@@ -166,11 +166,12 @@ def _steady_v_y(p, c, v_x, r):
 
 @njit(cache=True, nogil=True)
 def advance(p, c, state, v_x, a_x, angle, bank, period, linear):
-    """One step by the midpoint rule; the forces' lag is exact for a held slip.
+    """One step by the midpoint rule; the forces' lag is exact for slips that change steadily.
 
     Args:
         p, c: `Values` and `Chassis` as arrays.
-        state: v_y [m/s], yaw rate [rad/s], axle forces [N], roll [rad] and its rate [rad/s].
+        state: v_y [m/s], yaw rate [rad/s], axle forces [N], roll [rad] and its rate [rad/s], and the steady axle
+            forces in the middle of the step before [N].
         v_x, a_x, angle: Speed [m/s], acceleration [m/s^2] and road-wheel angle [rad] at start, middle and end.
         bank: In [m/s^2].
         period: In [s].
@@ -179,24 +180,39 @@ def advance(p, c, state, v_x, a_x, angle, bank, period, linear):
     Returns:
         The state after it.
     """
-    v_y, r, force_f, force_r, roll, rolling = state
+    v_y, r, force_f, force_r, roll, rolling, was_f, was_r = state
     aside = 0.0 if linear else p[9]
-    half = 0.0 if linear else np.exp(-0.5 * v_x[0] * period / p[7])
+    half = 0.0 if linear else np.exp(-0.5 * v_x[1] * period / p[7])
     d_v, d_r = _rates(p, c, v_x[0], a_x[0], r, angle[0], force_f, force_r, rolling, bank)
     d_roll = _roll_rate(p, c, force_f, force_r, angle[0], roll, rolling)
     middle_v, middle_r = v_y + 0.5 * period * d_v, r + 0.5 * period * d_r
     middle_roll, middle_rolling = roll + 0.5 * period * rolling, rolling + 0.5 * period * d_roll
     to_f, to_r = targets(p, c, v_x[1], a_x[1], middle_v + aside * middle_rolling, middle_r, angle[1], linear)
-    middle_f, middle_fr = to_f + (force_f - to_f) * half, to_r + (force_r - to_r) * half
-    d_v, d_r = _rates(p, c, v_x[1], a_x[1], middle_r, angle[1], middle_f, middle_fr, middle_rolling, bank)
-    d_roll = _roll_rate(p, c, middle_f, middle_fr, angle[1], middle_roll, middle_rolling)
+    middle_f, end_f = _lagged(force_f, was_f, to_f, v_x[1] * period / p[7], half)
+    middle_r_force, end_r = _lagged(force_r, was_r, to_r, v_x[1] * period / p[7], half)
+    if linear:
+        middle_f, middle_r_force = to_f, to_r
+    d_v, d_r = _rates(p, c, v_x[1], a_x[1], middle_r, angle[1], middle_f, middle_r_force, middle_rolling, bank)
+    d_roll = _roll_rate(p, c, middle_f, middle_r_force, angle[1], middle_roll, middle_rolling)
     v_y, r = v_y + period * d_v, r + period * d_r
     roll, rolling = roll + period * middle_rolling, rolling + period * d_roll
     if linear:  # no lag: the force is that of the state
         force_f, force_r = targets(p, c, v_x[2], a_x[2], v_y, r, angle[2], linear)
     else:
-        force_f, force_r = to_f + (force_f - to_f) * half**2, to_r + (force_r - to_r) * half**2
-    return v_y, r, force_f, force_r, roll, rolling
+        force_f, force_r = end_f, end_r
+    return v_y, r, force_f, force_r, roll, rolling, to_f, to_r
+
+
+@njit(cache=True, nogil=True)
+def _lagged(force, was, now, rolled, half):
+    """Force in the middle and at the end of a step, whose steady one is a line through `was` and `now`.
+
+    `rolled` is the distance of the step in relaxation lengths, `half` what half of it leaves of a difference.
+    """
+    slope = now - was
+    behind = slope / rolled
+    start = force - (now - 0.5 * slope) + behind
+    return now - behind + start * half, now + 0.5 * slope - behind + start * half**2
 
 
 @njit(cache=True, nogil=True)
@@ -232,7 +248,7 @@ def _run(p, c, steer, speed, along, start_r, start_v_y, starts, moved, period, l
         roll, rolling = _rolled(p, speed, start_r, k0, period)
         aside = 0.0 if linear else p[9] * rolling
         force_f, force_r = targets(p, c, speed[k0], along[k0], v_y + aside, r, angle, linear)
-        state = (v_y, r, force_f, force_r, roll, rolling)
+        state = (v_y, r, force_f, force_r, roll, rolling, force_f, force_r)
         for k in range(steps):
             i = k0 + k
             bank = moved[w, 2] + (moved[w, 3] - moved[w, 2]) * k / steps

@@ -88,7 +88,9 @@ class LogIdentification:
         return any(v.parameter.name == name and not v.refused for v in self.verdicts)
 
 
-def windows_of(log: MeasuredLog, length: float, channels: tuple[str, ...], part: slice = slice(None)) -> Windows:
+def windows_of(
+    log: MeasuredLog, length: float, channels: tuple[str, ...], part: slice = slice(None), most: int | None = MOST_WINDOWS
+) -> Windows:
     """Windows side by side in all usable stretches.
 
     Args:
@@ -96,12 +98,13 @@ def windows_of(log: MeasuredLog, length: float, channels: tuple[str, ...], part:
         length: In [s].
         channels: To compare.
         part: Of the windows, such as every other one.
+        most: So many at most, evenly taken; None for all.
     """
     steps = round(length / PERIOD)
     starts = [np.arange(a, b - steps - EDGES, steps) for a, b in log.stretches(steps + EDGES + 1)]
     found = np.concatenate([np.zeros(0, np.int64), *starts]).astype(np.int64)[part]
-    if len(found) > MOST_WINDOWS:
-        found = found[np.linspace(0, len(found) - 1, MOST_WINDOWS).round().astype(np.int64)]
+    if most and len(found) > most:
+        found = found[np.linspace(0, len(found) - 1, most).round().astype(np.int64)]
     return Windows(log.signals, found, steps + EDGES, channels)
 
 

@@ -31,6 +31,8 @@ STEP = 1e-3
 """Of the finite differences, in prior deviations."""
 ROUNDS, CONVERGED = 25, 1e-4
 """Most steps, and relative fall of the cost that ends them."""
+TYPICAL_SCALE = {"yaw_rate": 0.015, "a_y": 0.5, "v_y": 0.1}
+"""Of the residuals, where they are not fitted."""
 MOST_SPREAD = np.array([0.05, 0.01, 0.3, 0.3])
 LEAST_SPREAD = np.array([1e-3, 1e-4, 1e-2, 1e-2])
 FIRST_SPREAD = np.array([0.1, 0.01, 0.3, 0.3])
@@ -163,6 +165,14 @@ def fit(
     count = len(windows.starts)
     inner = gradients.T @ gradients * count / max(count - len(steps), 1) + np.eye(len(steps))
     return Fit(problem.values(steps), steps, tuple(free), inverse @ inner @ inverse, extra, spread, scale)
+
+
+def own_of(windows: Windows, values: Values, chassis: Chassis) -> Array:
+    """What differs in each window, given the car: v_y and yaw rate at the start, bank at start and end, shape (w, 4)."""
+    problem = _Problem(windows, values, (), chassis, False)
+    extra, none = np.zeros((len(windows.starts), 4)), np.zeros(0)
+    state = problem.linearise(none, extra, np.array([TYPICAL_SCALE[name] for name in windows.channels]))
+    return _own_change(state, FIRST_SPREAD, none)
 
 
 @dataclass(frozen=True, eq=False)
