@@ -12,7 +12,8 @@ from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 from sidestep.validation.model_error.identification.car_kernel import SHAPE, Chassis, Values
 from sidestep.validation.model_error.identification.identify import with_tyre
-from sidestep.validation.model_error.identification.log_identification import LogIdentification
+from sidestep.validation.model_error.identification.log_identification import LogIdentification, Verdict
+from sidestep.validation.model_error.identification.log_parameters import BY_NAME
 
 _LARGEST_CURVATURE = 0.99
 _SAME_LOAD = 0.05  # relative difference of the axles' loads below which one tyre has one peak
@@ -55,16 +56,23 @@ def identified_json(found: LogIdentification, chassis: Chassis, log: str) -> str
     return json.dumps(msgspec.to_builtins(content), indent=1) + "\n"
 
 
-def read_identified(path: Path) -> tuple[Values, Values, Chassis]:
-    """The car with tyre peaks, the linear one, and what was told.
+def read_identified(path: Path) -> tuple[LogIdentification, Chassis, str]:
+    """What was found, what was told, and the name of the log that was fitted.
 
     Raises:
         InputError: No such file, or none that `identify --log` wrote.
     """
     try:
         content = msgspec.json.decode(path.read_bytes(), type=IdentifiedFile)
-        return Values(**content.values), Values(**content.linear), Chassis(**content.chassis)
-    except (OSError, msgspec.MsgspecError, TypeError) as error:
+        verdicts = tuple(
+            Verdict(BY_NAME[name], p["value"], _number(p["low"]), _number(p["high"]), p["refused"])
+            for name, p in content.parameters.items()
+        )
+        found = LogIdentification(
+            Values(**content.values), Values(**content.linear), verdicts, content.explained, content.left_out, "", ()
+        )  # fmt: skip
+        return found, Chassis(**content.chassis), content.log
+    except (OSError, msgspec.MsgspecError, TypeError, KeyError) as error:
         raise InputError("--identified", f"{str(path)!r}: {error}", "a file of `sidestep identify --log`") from error
 
 
@@ -104,3 +112,7 @@ def _peaks(v: Values, vehicle: VehicleParameters) -> dict[str, float]:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value

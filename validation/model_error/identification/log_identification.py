@@ -217,7 +217,8 @@ def _judged(
     correlation, odd = found.correlation, implausible(found.values, chassis)
     result = []
     for i, p in enumerate(found.free):
-        value, spread = float(getattr(found.values, p.name)), float(deviation[i] * p.spread)
+        value = float(getattr(found.values, p.name))
+        spread = float(np.hypot(deviation[i] * p.spread, p.least))
         pair = (1.96 * spread) * np.array([-1.0, 1.0])
         low, high = value * np.exp(pair) if p.positive else value + pair
         reason = problem or _reason(p, spread, correlation[i], found.free, i, channels, left_out)

@@ -28,6 +28,8 @@ class Parameter:
         positive: Fitted as a logarithm; `spread` and `known` are relative then.
         spread: Standard deviation beforehand.
         known: Largest standard deviation with which it counts as identified.
+        least: Standard deviation that stays however long the log is: what fits to cars of known parameters were off by,
+            as the model leaves out what such cars have (compliance, spinning wheels, load moved across).
         needs: Signal without which it means nothing, if any.
         linear: Whether the linear model has it.
     """
@@ -38,33 +40,34 @@ class Parameter:
     positive: bool
     spread: float
     known: float
+    least: float = 0.0
     needs: str = ""
     linear: bool = True
 
 
 PARAMETERS = (
-    Parameter("C_f", "N/rad", "cornering stiffness, front axle", True, 0.7, 0.1),
-    Parameter("C_r", "N/rad", "cornering stiffness, rear axle", True, 0.7, 0.1),
-    Parameter("mu_f", "-", "tyre peak, front axle", True, 0.3, 0.1, linear=False),
-    Parameter("mu_r", "-", "tyre peak, rear axle", True, 0.3, 0.1, linear=False),
+    Parameter("C_f", "N/rad", "cornering stiffness, front axle", True, 0.7, 0.1, 0.015),
+    Parameter("C_r", "N/rad", "cornering stiffness, rear axle", True, 0.7, 0.1, 0.015),
+    Parameter("mu_f", "-", "tyre peak, front axle", True, 0.3, 0.1, 0.02, linear=False),
+    Parameter("mu_r", "-", "tyre peak, rear axle", True, 0.3, 0.1, 0.02, linear=False),
     Parameter("e_f", "-", "curvature of the force, front axle", False, 0.7, 0.3, linear=False),
     Parameter("e_r", "-", "curvature of the force, rear axle", False, 0.7, 0.3, linear=False),
     Parameter("load_exponent", "-", "growth of stiffness with load", False, 0.4, 0.15, linear=False),
-    Parameter("relaxation", "m", "relaxation length", True, 0.7, 0.25, linear=False),
-    Parameter("I_z", "kg m²", "yaw inertia", True, 0.3, 0.1),
+    Parameter("relaxation", "m", "relaxation length", True, 0.7, 0.25, 0.08, linear=False),
+    Parameter("I_z", "kg m²", "yaw inertia", True, 0.3, 0.1, 0.02),
     Parameter("cg_height", "m", "height of the centre of gravity", True, 0.3, 0.15, linear=False),
     Parameter("cg_offset", "m", "centre of gravity left of the middle", False, 0.03, 0.012, linear=False),
     Parameter("steer_gain", "-", "road-wheel angle per measured angle", True, 0.1, 0.05),
     Parameter("steer_offset", "rad", "steering offset", False, 0.02, 0.005),
-    Parameter("steer_delay", "s", "steering before yaw rate", False, 0.03, 0.01),
+    Parameter("steer_delay", "s", "steering before yaw rate", False, 0.03, 0.01, 0.001),
     Parameter("yaw_rate_offset", "rad/s", "yaw-rate offset", False, 0.02, 0.005),
-    Parameter("a_y_offset", "m/s²", "acceleration offset", False, 0.4, 0.15, "a_y"),
-    Parameter("roll_gain", "rad/(m/s²)", "roll per lateral acceleration", False, 0.006, 0.002, "a_y"),
-    Parameter("sideslip_offset", "rad", "sideslip offset", False, 0.02, 0.005, "v_y"),
-    Parameter("a_y_delay", "s", "acceleration after yaw rate", False, 0.05, 0.01, "a_y"),
-    Parameter("v_y_delay", "s", "sideslip after yaw rate", False, 0.05, 0.01, "v_y"),
-    Parameter("roll_frequency", "rad/s", "undamped roll", True, 0.3, 0.15, "a_y", linear=False),
-    Parameter("roll_damping", "-", "damping ratio of roll", True, 0.5, 0.25, "a_y", linear=False),
+    Parameter("a_y_offset", "m/s²", "acceleration offset", False, 0.4, 0.15, needs="a_y"),
+    Parameter("roll_gain", "rad/(m/s²)", "roll per lateral acceleration", False, 0.006, 0.002, needs="a_y"),
+    Parameter("sideslip_offset", "rad", "sideslip offset", False, 0.02, 0.005, needs="v_y"),
+    Parameter("a_y_delay", "s", "acceleration after yaw rate", False, 0.05, 0.01, 0.001, needs="a_y"),
+    Parameter("v_y_delay", "s", "sideslip after yaw rate", False, 0.05, 0.01, 0.001, needs="v_y"),
+    Parameter("roll_frequency", "rad/s", "undamped roll", True, 0.3, 0.15, needs="a_y", linear=False),
+    Parameter("roll_damping", "-", "damping ratio of roll", True, 0.5, 0.25, needs="a_y", linear=False),
 )
 BY_NAME = {p.name: p for p in PARAMETERS}
 _PER_LOAD = 16.0

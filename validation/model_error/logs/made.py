@@ -6,7 +6,8 @@ fitted model's.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +23,10 @@ from sidestep.validation.model_error.logs.measured import PERIOD
 Array = NDArray[np.float64]
 
 COLUMNS = ("time [s]", "steering_wheel [deg]", "v_x [km/h]", "yaw_rate [deg/s]", "a_y [m/s^2]", "a_x [m/s^2]", "v_y [m/s]")
+FASTEST = 2.0
+"""Of the steering, in [Hz]."""
 LEAST_SPEED, MOST_SPEED = 12.0, 26.0
-BAND = 1.0
+_SPRINGS = ("spring_front", "spring_rear", "anti_roll_front", "anti_roll_rear")
 _AHEAD = 20  # samples driven before and after, for the delays
 
 
@@ -49,12 +52,29 @@ class Sensors:
     a_y_delay: float = 0.02
     v_y_delay: float = 0.03
     noise: Mapping[str, float] = field(
-        default_factory=lambda: {"steer": 3e-4, "v_x": 0.05, "yaw_rate": 3e-3, "a_y": 0.1, "a_x": 0.1, "v_y": 0.03}
+        default_factory=lambda: {"steer": 2e-4, "v_x": 0.05, "yaw_rate": 1.75e-3, "a_y": 0.05, "a_x": 0.1, "v_y": 0.03}
     )
 
 
+def known_car() -> VehicleParameters:
+    """The BMW 320i preset, lower, on stiffer springs and lighter wheels: a car that rolls by 4 degrees per g."""
+    vehicle = VehicleParameters.preset("bmw-320i")
+    data = vehicle.suspension
+    assert data is not None
+    doubled = {name: 2.0 * getattr(data, name) for name in _SPRINGS} | {
+        name: math.sqrt(2.0) * getattr(data, name) for name in ("damper_front", "damper_rear")
+    }
+    return vehicle.with_(cg_height=0.4, suspension=replace(data, wheel_spin_inertia=0.9, **doubled))
+
+
+def write_log(path: Path, table: Array) -> None:
+    """As a CSV file that `sidestep identify --log` reads."""
+    with path.open("w", encoding="utf-8") as stream:
+        np.savetxt(stream, table, delimiter=",", header=",".join(COLUMNS), comments="", fmt="%.8g")
+
+
 def made_log(
-    vehicle: VehicleParameters, sensors: Sensors, seed: int, duration: float = 120.0, acceleration: float = 3.0,
+    vehicle: VehicleParameters, sensors: Sensors, seed: int, duration: float = 90.0, acceleration: float = 3.0,
     bank: float = 0.03,
 ) -> tuple[Array, dict[str, float]]:  # fmt: skip
     """Drive and measure.
@@ -107,7 +127,7 @@ def _drive(
     """True signals every PERIOD; `force` is the lateral force over the mass, `a_y` that as the rolled body feels it."""
     n = round(duration / PERIOD) + 2 * _AHEAD
     time = PERIOD * np.arange(n)
-    shares = RandomSteer(0.05, BAND, int(random.integers(1 << 30)))(time)
+    shares = RandomSteer(0.05, FASTEST, int(random.integers(1 << 30)))(time)
     lean = bank * sum(np.sin(2.0 * math.pi * time / t + random.uniform(0.0, 6.3)) for t in (9.0, 17.0)) / 2.0
     middle, half = 0.5 * (LEAST_SPEED + MOST_SPEED), 0.5 * (MOST_SPEED - LEAST_SPEED)
     speed = middle + half * np.sin(2.0 * math.pi * time / 40.0 + random.uniform(0.0, 6.3))

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 NAMES = {
     "steer": (r"road_?wheel_?angle", r"steer(ing)?_?angle_?(front|rw|tyre|tire)", r"(front_?)?wheel_?steer.*", r"delta(_?f)?"),
     "steering_wheel": (
-        r"steering_?wheel_?angle", r"sw_?angle", r"swa", r"hand_?wheel_?angle", r"steer(ing)?_?angle", r"lws_?angle",
+        r"steering_?wheel(_?angle)?", r"sw_?angle", r"swa", r"hand_?wheel_?angle", r"steer(ing)?_?angle", r"lws_?angle",
     ),
     "v_x": (r"v_?x", r"vel(ocity)?_?x", r"long(itudinal)?_?(velocity|speed)", r"(vehicle_?)?speed", r"v", r"v_?ego"),
     "yaw_rate": (r"yaw_?rate", r"psi_?(dot|p)", r"omega(_?z)?", r"gyro_?z", r"yaw_?vel(ocity)?", r"r"),

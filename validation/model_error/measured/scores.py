@@ -1,7 +1,7 @@
 """Models held against a log that they do not see but for its steering and speed, in windows from measured starts."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,9 +83,11 @@ def _manoeuvres(lateral: Array, along: Array) -> NDArray[np.int64]:
     return np.where(size < 1.0, 0, kind)
 
 
-def score_all(log: MeasuredLog, values: Values, linear: Values, chassis: Chassis, starts: Starts) -> list[Scores]:
-    """Scores of every one of MODELS."""
-    windows = windows_of(log, WINDOW, _channels(log), most=None)
+def score_all(
+    log: MeasuredLog, values: Values, linear: Values, chassis: Chassis, starts: Starts, part: slice = slice(None)
+) -> list[Scores]:
+    """Scores of every one of MODELS; of the shares of variance in a part of the windows alone."""
+    windows = windows_of(log, WINDOW, _channels(log), part, None)
     ahead = Windows(log.signals, starts.index, round(HORIZON_TIME / PERIOD) + 2, _channels(log))
     shift = round(BEFORE / PERIOD) + 30
     result = []
@@ -97,8 +99,7 @@ def score_all(log: MeasuredLog, values: Values, linear: Values, chassis: Chassis
                 early = Windows(log.signals, np.maximum(w.starts - shift, 0), shift, w.channels)
                 moved[:, 2:] = own_of(early, car, chassis)[:, 2:].mean(axis=1, keepdims=True)
             elif "own" in model:
-                span = replace(w, steps=max(w.steps, shift))
-                moved[:, 2:] = own_of(span, car, chassis)[:, 2:]
+                moved[:, 2:] = own_of(w, car, chassis)[:, 2:]
             extra.append(moved)
         is_linear = model == "linear"
         smooth, raw = _explained(log, windows, car, chassis, extra[0], is_linear)
