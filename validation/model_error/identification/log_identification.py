@@ -143,6 +143,7 @@ def identify_log(
             left_out[name] = f"contradicts the yaw rate: it takes a car with {words}"
     used = tuple(name for name in channels if name not in left_out)
     if left_out:
+        log = log.without(left_out)
         found = _fitted(log, start, used, chassis, False, part)
         shares = explained(log, found.values, chassis, used) | {name: shares[name] for name in left_out}
     linear = _fitted(log, start, used, chassis, True, part)

@@ -140,4 +140,6 @@ def _vehicle(table: dict[str, Any], folder: Path) -> tuple[VehicleParameters, tu
         table |= {"length": table["l_f"] + table["l_r"] + 1.9, "front_overhang": 0.95}
     if file:
         return VehicleParameters.from_file(file_at(folder, file, "vehicle.file"), name=name, **table), told
+    if not preset:
+        table["suspension"] = None  # another car's
     return VehicleParameters.preset(preset or "bmw-320i").with_(name=name, **table), told

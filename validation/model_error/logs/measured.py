@@ -1,7 +1,7 @@
 """A log on one grid: SI units, ISO 8855 signs, gaps marked, spikes taken out; what was found on the way is said."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +60,13 @@ class MeasuredLog:
         """A signal below HIGHEST, without phase: beyond it are vibration and noise."""
         sections = butter(4, HIGHEST * 2.0 * PERIOD, output="sos")
         return np.asarray(sosfiltfilt(sections, self.signals[name]), dtype=np.float64)
+
+    def without(self, names: Collection[str]) -> "MeasuredLog":
+        """The log without some signals."""
+        signals = {name: values for name, values in self.signals.items() if name not in names}
+        if "v_y" in names:
+            signals["start_v_y"] = np.full(len(self.time), np.nan)
+        return replace(self, signals=signals)
 
     def stretches(self, least: int) -> list[tuple[int, int]]:
         """Where at least so many samples in a row are usable: first, and one past the last."""

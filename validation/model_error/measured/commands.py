@@ -105,6 +105,7 @@ def validate_log(
     if found.problem:
         show(f"not validated: {found.problem}")
         return 1
+    log = log.without(found.left_out)
     with made(out):
         starts = starts_of(log)
         part = slice(None) if identified else JUDGED
