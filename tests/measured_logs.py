@@ -20,17 +20,23 @@ def true_values(**changes: float) -> Values:
 
 
 def log_table(
-    values: Values, seed: int = 0, duration: float = 60.0, acceleration: float = 6.0, noise: float = 1.0
+    values: Values, seed: int = 0, duration: float = 60.0, acceleration: float = 6.0, fastest: float = 1.5
 ) -> dict[str, np.ndarray]:
     """Columns by head; one window, all of it."""
     random, n = np.random.default_rng(seed), round(duration / PERIOD)
     time = PERIOD * np.arange(n)
     speed = 22.0 + 6.0 * np.sin(2.0 * np.pi * time / 30.0)
-    steer = (acceleration * (2.6 / speed**2 + 0.001)) * RandomSteer(0.05, 1.5, seed)(time)
+    steer = (acceleration * (2.6 / speed**2 + 0.001)) * RandomSteer(0.05, fastest, seed)(time)
     zero = np.zeros(n)
-    signals = {"steer": steer, "v_x": speed, "a_x": np.gradient(speed, PERIOD), "start_yaw_rate": zero, "start_v_y": zero}
+    signals = {
+        "steer": steer,
+        "v_x": speed,
+        "a_x": np.gradient(speed, PERIOD),
+        "start_yaw_rate": zero,
+        "start_v_y": zero,
+    }
     out = delayed(simulate(values, CHASSIS, signals, np.array([0]), n, np.zeros((1, 4)), False), values)[0]
-    out += noise * random.standard_normal(out.shape) * (2e-3, 0.05, 0.02)
+    out += random.standard_normal(out.shape) * (2e-3, 0.05, 0.02)
     return {
         "time [s]": time, "road_wheel_angle [rad]": steer, "v_x [m/s]": speed, "yaw_rate [rad/s]": out[:, 0],
         "a_y [m/s^2]": out[:, 1], "v_y [m/s]": out[:, 2],

@@ -20,7 +20,10 @@ def add_validate(commands: argparse._SubParsersAction) -> None:
     only.add_argument("--checks", action="store_true", help="only the MuJoCo car's own checks")
     _add_log(validate)
     validate.add_argument(
-        "--identified", type=Path, metavar="FILE.json", help="of --log: what `identify --log` wrote; else this log is split"
+        "--identified",
+        type=Path,
+        metavar="FILE.json",
+        help="of --log: what `identify --log` wrote; else this log is split",
     )
     validate.add_argument("--quick", action="store_true", help="fewer cells")
     add_jobs(validate)
@@ -49,7 +52,10 @@ def _add_plant(parser: argparse.ArgumentParser, plant: str) -> None:
 
 def _add_log(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--log", type=Path, metavar="FILE", help="a measured log instead of a plant: .csv, .mf4, .parquet, or CAN frames"
+        "--log",
+        type=Path,
+        metavar="FILE",
+        help="a measured log instead of a plant: .csv, .mf4, .parquet, or CAN frames",
     )
 
 

@@ -8,10 +8,10 @@
     phi'' = w^2 (k a - phi) - 2 z w phi',   a = (F_f cos(delta) + F_r) / m
 
 C_i is the axle's stiffness under its static load N_i0, u_i the share of its friction that braking (by load) or driving
-takes, y_g how far the centre of gravity is left of the car's middle, J the spin inertia of all wheels, R their radius and
-b half the track: a wheel turns faster on the outside of a turn, and is a gyroscope that rolls. The body rolls by phi about an axis on the ground, h below the centre of gravity, so that the wheels slip by
-h phi' more. A sensor on the body measures a, which has no bank in it, and g phi on top. With `linear` the forces are
-C_i alpha_i and only sensor and wheels feel the roll.
+takes, y_g how far the centre of gravity is left of the car's middle, J the spin inertia of all wheels, R their radius
+and b half the track: a wheel turns faster on the outside of a turn, and is a gyroscope that rolls. The body rolls by
+phi about an axis on the ground, h below the centre of gravity, so that the wheels slip by h phi' more. A sensor on the
+body measures a, which has no bank in it, and g phi on top. With `linear` the forces are C_i alpha_i.
 """
 
 from collections.abc import Mapping
@@ -90,7 +90,7 @@ def simulate(
     Args:
         values: The car and its sensors.
         chassis: Mass and geometry.
-        signals: `steer`, `v_x`, `a_x`, and smoothed `start_yaw_rate` and `start_v_y` (NaN: steady at first), shape (n,).
+        signals: `steer`, `v_x`, `a_x`, and smoothed `start_yaw_rate` and `start_v_y` (NaN: steady), shape (n,).
         starts: Index of each window's first sample, shape (w,).
         steps: Samples of a window.
         moved: Per window what is added: to v_y [m/s] and yaw rate [rad/s] at the start, and the bank at start and end

@@ -89,7 +89,11 @@ class LogIdentification:
 
 
 def windows_of(
-    log: MeasuredLog, length: float, channels: tuple[str, ...], part: slice = slice(None), most: int | None = MOST_WINDOWS
+    log: MeasuredLog,
+    length: float,
+    channels: tuple[str, ...],
+    part: slice = slice(None),
+    most: int | None = MOST_WINDOWS,
 ) -> Windows:
     """Windows side by side in all usable stretches.
 
@@ -129,7 +133,10 @@ def identify_log(
     channels = tuple(name for name in CHANNELS if name in log.signals)
     start = begin(chassis, log.steer_gain or _guessed_gain(log, chassis), vehicle.cg_height)
     if problem:
-        refused = [Verdict(p, float(getattr(start, p.name)), -np.inf, np.inf, problem) for p in free_parameters(channels, False)]
+        refused = [
+            Verdict(p, float(getattr(start, p.name)), -np.inf, np.inf, problem)
+            for p in free_parameters(channels, False)
+        ]
         return LogIdentification(start, start, tuple(refused), {}, {}, problem, tuple(notes))
     left_out: dict[str, str] = {}
     found = _fitted(log, start, channels, chassis, False, part)

@@ -115,9 +115,7 @@ def begin(chassis: Chassis, steer_gain: float, cg_height: float) -> Values:
 def free_parameters(signals: Collection[str], linear: bool, told: Collection[str] = ()) -> tuple[Parameter, ...]:
     """Those that a fit moves: with their signal, of the model, and not told."""
     return tuple(
-        p
-        for p in PARAMETERS
-        if (not p.needs or p.needs in signals) and (p.linear or not linear) and p.name not in told
+        p for p in PARAMETERS if (not p.needs or p.needs in signals) and (p.linear or not linear) and p.name not in told
     )
 
 

@@ -146,7 +146,7 @@ def fit(
                 hessian + np.eye(len(steps)) * (1.0 + damping) + damping * np.diag(np.diag(hessian)),
                 gradient + steps,
             )
-            change = np.clip(change, -1.0, 1.0)
+            change = np.asarray(np.clip(change, -1.0, 1.0), dtype=np.float64)
             new_steps, new_extra = steps + change, extra + _own_change(state, spread, change)
             residual = problem.residual(new_steps, new_extra, scale)
             new_cost = _cost_of(residual, new_extra, spread, weight, new_steps)
@@ -168,7 +168,7 @@ def fit(
 
 
 def own_of(windows: Windows, values: Values, chassis: Chassis) -> Array:
-    """What differs in each window, given the car: v_y and yaw rate at the start, bank at start and end, shape (w, 4)."""
+    """What differs in each window, given the car: v_y and yaw rate at first, bank at start and end, shape (w, 4)."""
     problem = _Problem(windows, values, (), chassis, False)
     extra, none = np.zeros((len(windows.starts), 4)), np.zeros(0)
     state = problem.linearise(none, extra, np.array([TYPICAL_SCALE[name] for name in windows.channels]))
@@ -218,7 +218,7 @@ def _bumped(array: Array, i: int, size: float) -> Array:
 def _eliminated(state: _Linear, spread: Array) -> tuple[Array, Array, Array]:
     """Inverse of each window's own Hessian (w, 4, 4), its gradient (w, 4), and the mixed one (w, 4, q)."""
     own = state.own.transpose(0, 2, 1)
-    inverse = np.linalg.inv(own @ state.own + np.diag(spread**-2.0))
+    inverse = np.asarray(np.linalg.inv(own @ state.own + np.diag(spread**-2.0)), dtype=np.float64)
     gradient = (own @ state.residual[:, :, None])[:, :, 0] + state.extra / spread**2
     return inverse, gradient, own @ state.jacobian
 

@@ -22,7 +22,15 @@ from sidestep.validation.model_error.logs.measured import PERIOD
 
 Array = NDArray[np.float64]
 
-COLUMNS = ("time [s]", "steering_wheel [deg]", "v_x [km/h]", "yaw_rate [deg/s]", "a_y [m/s^2]", "a_x [m/s^2]", "v_y [m/s]")
+COLUMNS = (
+    "time [s]",
+    "steering_wheel [deg]",
+    "v_x [km/h]",
+    "yaw_rate [deg/s]",
+    "a_y [m/s^2]",
+    "a_x [m/s^2]",
+    "v_y [m/s]",
+)
 FASTEST = 2.0
 """Of the steering, in [Hz]."""
 LEAST_SPEED, MOST_SPEED = 12.0, 26.0
@@ -126,9 +134,10 @@ def _drive(
 ) -> dict[str, Array]:
     """True signals every PERIOD; `force` is the lateral force over the mass, `a_y` that as the rolled body feels it."""
     n = round(duration / PERIOD) + 2 * _AHEAD
-    time = PERIOD * np.arange(n)
+    time: Array = PERIOD * np.arange(n, dtype=np.float64)
     shares = RandomSteer(0.05, FASTEST, int(random.integers(1 << 30)))(time)
-    lean = bank * sum(np.sin(2.0 * math.pi * time / t + random.uniform(0.0, 6.3)) for t in (9.0, 17.0)) / 2.0
+    waves = [np.sin(2.0 * math.pi * time / t + random.uniform(0.0, 6.3)) for t in (9.0, 17.0)]
+    lean = 0.5 * bank * (waves[0] + waves[1])
     middle, half = 0.5 * (LEAST_SPEED + MOST_SPEED), 0.5 * (MOST_SPEED - LEAST_SPEED)
     speed = middle + half * np.sin(2.0 * math.pi * time / 40.0 + random.uniform(0.0, 6.3))
     rows = []

@@ -1,16 +1,16 @@
 """The mapping file of a log: which column or CAN signal is what, in what unit, and what is known of the car.
 
-    time = "time [s]"                    # tables; found by its name if left out
-    dbc = "car.dbc"                      # CAN logs
-    rear_drive = 1.0                     # share of the drive at the rear axle
+time = "time [s]"                    # tables; found by its name if left out
+dbc = "car.dbc"                      # CAN logs
+rear_drive = 1.0                     # share of the drive at the rear axle
 
-    [signals]                            # a name, or a table
-    steer = "road_wheel_angle [rad]"
-    yaw_rate = { name = "YAW_RATE", unit = "deg/s", sign = -1 }
-    v_x = { name = ["wheel_rl", "wheel_rr"], unit = "km/h" }
+[signals]                            # a name, or a table
+steer = "road_wheel_angle [rad]"
+yaw_rate = { name = "YAW_RATE", unit = "deg/s", sign = -1 }
+v_x = { name = ["wheel_rl", "wheel_rr"], unit = "km/h" }
 
-    [vehicle]                            # as in a scenario file
-    mass = 982.0
+[vehicle]                            # as in a scenario file
+mass = 982.0
 """
 
 import tomllib

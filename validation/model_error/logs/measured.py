@@ -192,7 +192,8 @@ def _combined(
         sideslip = signals.pop("sideslip")
         if "v_y" not in signals:
             signals["v_y"] = speed * np.tan(sideslip)
-    usable &= ~binary_dilation(speed < mapping.least_speed, iterations=round(0.3 / PERIOD))
+    slow = np.asarray(binary_dilation(speed < mapping.least_speed, iterations=round(0.3 / PERIOD)), dtype=bool)
+    usable &= ~slow
     _signed(signals, maps, usable, notes)
     position = (maps.get("v_y") or maps.get("sideslip") or SignalMap("")).position
     if "v_y" in signals:

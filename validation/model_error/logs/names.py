@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable
 
 NAMES = {
-    "steer": (r"road_?wheel_?angle", r"steer(ing)?_?angle_?(front|rw|tyre|tire)", r"(front_?)?wheel_?steer.*", r"delta(_?f)?"),
+    "steer": (r"road_?wheel_?angle", r"steer(ing)?_?angle_?(front|rw|tyre|tire)", r"delta(_?f)?"),
     "steering_wheel": (
         r"steering_?wheel(_?angle)?", r"sw_?angle", r"swa", r"hand_?wheel_?angle", r"steer(ing)?_?angle", r"lws_?angle",
     ),

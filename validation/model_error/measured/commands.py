@@ -70,7 +70,12 @@ def identify_from_log(log_file: Path, map_file: Path | None, out: Path, command_
 
 
 def validate_log(
-    log_file: Path, map_file: Path | None, identified: Path | None, overrides: Sequence[str], out: Path, command_line: str
+    log_file: Path,
+    map_file: Path | None,
+    identified: Path | None,
+    overrides: Sequence[str],
+    out: Path,
+    command_line: str,
 ) -> int:
     """Hold the models against a log; write report, validity.json and summary.json.
 
@@ -91,7 +96,9 @@ def validate_log(
     mapping = _map(map_file)
     for change in overrides:
         if not change.partition("=")[0].strip().startswith("controller.buffer"):
-            raise InputError(f"--set {change}", "makes no difference beside --log", "controller.buffer; the car by --map")
+            raise InputError(
+                f"--set {change}", "makes no difference beside --log", "controller.buffer; the car by --map"
+            )
     buffer = open_loop_scenario(overrides).controller.buffer
     log = load_log(log_file, mapping)
     if identified is not None:

@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 
 SPEED_STEP, ACCELERATION_STEP = 5.0, 1.0
 """Of the cells, in [m/s] and [m/s^2]."""
+_TICKS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 _COLOURS = {"linear": INK, "euler": ORANGE, "affine": BLUE}
 
 
@@ -92,7 +93,8 @@ def log_envelope(
     v_y = aside[window]
     path = _path(yaw[window], speed[window], v_y)
     truth = road_states(
-        {"x": path[0], "y": path[1], "yaw": yaw[window], "v_x": speed[window], "v_y": v_y, "yaw_rate": rate[window]}, 0.0
+        {"x": path[0], "y": path[1], "yaw": yaw[window], "v_x": speed[window], "v_y": v_y, "yaw_rate": rate[window]},
+        0.0,
     )  # fmt: skip
     begin = truth[:, 0].copy()
     smooth = log.signals["start_yaw_rate"] - values.yaw_rate_offset
@@ -130,9 +132,8 @@ def _in_cells(starts: Starts, errors: Array, buffer: float) -> LogEnvelope:
         for a in range(cells.shape[2]):
             chosen = (speed_cell == c) & (lateral_cell == a)
             cells[:, i, a] = [p95(model, chosen) for model in errors]
-    return LogEnvelope(
-        SPEED_STEP * (np.array(speeds) + 0.5), ACCELERATION_STEP * (np.arange(cells.shape[2]) + 0.5), cells, buffer, errors
-    )  # fmt: skip
+    middles: list[Array] = [np.array(speeds) + 0.5, np.arange(cells.shape[2], dtype=np.float64) + 0.5]
+    return LogEnvelope(SPEED_STEP * middles[0], ACCELERATION_STEP * middles[1], cells, buffer, errors)
 
 
 def envelope_figure(found: LogEnvelope) -> Figure:
@@ -144,9 +145,13 @@ def envelope_figure(found: LogEnvelope) -> Figure:
         for axes, model, errors in zip(panels, MODELS, found.errors, strict=True):
             for row, speed, shade in zip(errors, found.speeds, shades, strict=True):
                 label = f"{speed:g} m/s"
-                axes.plot(found.accelerations, row, ".-", color=_COLOURS[model], alpha=float(shade), lw=1.1, label=label)
+                axes.plot(
+                    found.accelerations, row, ".-", color=_COLOURS[model], alpha=float(shade), lw=1.1, label=label
+                )
             axes.axhline(found.buffer, color=INK, lw=1.2, ls="--")
             axes.set(yscale="log", xlabel="lateral acceleration [m/s²]", title=f"{model}  [m]")
+            axes.set_yticks(_TICKS, [f"{tick:g}" for tick in _TICKS])
+            axes.minorticks_off()
         panels[0].set_ylabel(f"p95 of the lateral error {HORIZON_TIME:g} s ahead")
         panels[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), title="darker is faster")
     return figure

@@ -1,6 +1,7 @@
 """The report on a log: what is in it, the car that it tells, measured against each model, envelope, replay."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -31,8 +32,8 @@ NOT_COVERED = (
     "What the log does not hold: other roads, tyres, loads, speeds and lateral accelerations.",
     "The mass and the axles' distances, which are told: stiffness, inertia and peaks scale with the mass.",
     "Bank and grade of the road are unknowns, not measurements: a bank that always goes with the turn looks like roll.",
-    "The standards' tolerances: figures are in ISO 19364's style (the model bounds, measured points lie inside or not), "
-    "no conformance is claimed.",
+    "The standards' tolerances: figures are in ISO 19364's style (the model sets bounds, measured points lie inside or "
+    "not), no conformance is claimed.",
 )
 _UNITS = {"yaw_rate": "rad/s", "a_y": "m/s²", "v_y": "m/s"}
 _BOUND = 0.05  # of the model's steady steering that the graphical bounds of the steady state allow, and of its angle
@@ -54,7 +55,9 @@ def identification_evidence(found: LogIdentification) -> Evidence:
     sentences = [f"{name}: {why}." for name, why in found.left_out.items()]
     if found.problem:
         sentences.append(f"Nothing is identified: {found.problem}.")
-    note = " ".join(sentences) + "\n\nIntervals count what the residuals share within a window of 3 s, and each window's "
+    note = (
+        " ".join(sentences) + "\n\nIntervals count what the residuals share within a window of 3 s, and each window's "
+    )
     note += "own bank and start; what the car has and the model has not is not in them but for the least ones."
     return Evidence("The car and its sensors", note.strip(), table=parameter_table(found), section="Identified")
 
@@ -89,9 +92,9 @@ def _metres(value: float) -> str:
 def model_evidence(scores: Sequence[Scores], starts: Starts, fitted: str, passed: bool) -> list[Evidence]:
     """Measured against each model."""
     note = (
-        f"Fitted to {fitted}. Windows of 3 s from measured starts, steering and speed as measured. VAF: share of the variance that the "
-        f"model explains, below {HIGHEST:g} Hz and, as raw, with all that the sensors add. Then the 95th percentile of the "
-        f"lateral offset's error {HORIZON_TIME:g} s ahead, in m, by the mean lateral acceleration over that time."
+        f"Fitted to {fitted}. Windows of 3 s from measured starts, steering and speed as measured. Share of the variance "
+        f"that the model explains, below {HIGHEST:g} Hz and, as raw, with all that the sensors add. Then the 95th "
+        f"percentile of the lateral offset's error {HORIZON_TIME:g} s ahead, in m, by the mean lateral acceleration."
     )
     return [
         Evidence("Measured against each model", note, offset_figure(scores, starts), models_table(scores, starts),
@@ -107,10 +110,7 @@ def offset_figure(scores: Sequence[Scores], starts: Starts) -> Figure:
         figure = Figure(figsize=(9.0, 3.4), layout="constrained")
         axes = panel(figure.subplots(), f"lateral offset {HORIZON_TIME:g} s ahead, p95 of the error", "m")
         for s, colour in zip(scores, (ORANGE, BLUE, GREEN, INK), strict=True):
-            values = [
-                p95(s.offset, (starts.lateral >= a) & (starts.lateral < b))
-                for a, b in zip(edges[:-1], edges[1:], strict=True)
-            ]
+            values = [p95(s.offset, (starts.lateral >= a) & (starts.lateral < b)) for a, b in pairwise(edges)]
             axes.plot(edges[:-1] + 0.5, values, ".-", color=colour, label=s.model)
         axes.set(xlabel="mean lateral acceleration [m/s²]", ylim=(0.0, None))
         axes.legend(loc="upper left")
@@ -133,7 +133,9 @@ def steady_evidence(log: MeasuredLog, values: Values, chassis: Chassis) -> Evide
     model = np.array([_steady_extra(values, chassis, a) for a in grid])
     allowed = np.radians(0.3) + _BOUND * np.abs(model)
     at = np.interp(np.abs(points), grid, model)
-    share = float(np.mean(np.abs(side * extra - at) <= np.interp(np.abs(points), grid, allowed))) if len(points) else 0.0
+    share = (
+        float(np.mean(np.abs(side * extra - at) <= np.interp(np.abs(points), grid, allowed))) if len(points) else 0.0
+    )
     with styled():
         figure = Figure(figsize=(9.0, 3.4), layout="constrained")
         axes = panel(figure.subplots(), "road-wheel angle beyond the turn's geometry", "deg")
@@ -144,8 +146,8 @@ def steady_evidence(log: MeasuredLog, values: Values, chassis: Chassis) -> Evide
         axes.set_xlabel("lateral acceleration [m/s²]")
         legend(axes)
     note = (
-        f"ISO 19364's style: the simulated curve sets bounds (± 0.3° and {_BOUND:.0%}, ours), and {share:.0%} of the measured "
-        "points of calm turns lie within. Below zero the car oversteers."
+        f"ISO 19364's style: the simulated curve sets bounds (± 0.3° and {_BOUND:.0%}, ours), and {share:.0%} of the "
+        "measured points of calm turns lie within. Below zero the car oversteers."
     )
     return Evidence("Steady turns", note, figure)
 
@@ -200,9 +202,10 @@ def envelope_evidence(found: LogEnvelope) -> Evidence:
     ]
     heads = ("up to [m/s²] at", *(f"{speed:g} m/s" for speed in found.speeds))
     note = (
-        f"The controller's own models with the vehicle file, as on plants: p95 of the lateral error {HORIZON_TIME:g} s ahead, "
-        f"valid while it stays within the buffer of {found.buffer:g} m. The error holds what sensors and an unknown bank add: "
-        "small limits may be the log's, not the model's. --set controller.buffer=... asks for another buffer."
+        f"The controller's own models with the vehicle file, as on plants: p95 of the lateral error {HORIZON_TIME:g} s "
+        f"ahead, valid while it stays within the buffer of {found.buffer:g} m. The error holds what sensors and an unknown "
+        "bank add: small limits may be the log's, not the model's. Its one tyre for both axles has the stiffness of both "
+        "together, so that a car whose axles differ loses its balance. --set controller.buffer=... asks for another."
     )
     return Evidence(
         "Validity envelope of this car", note, envelope_figure(found), Table(heads, tuple(rows)), section="Envelope"
@@ -215,11 +218,16 @@ def replay_evidence(found: Replay | None) -> Evidence:
         return Evidence("Replay", "No stretch of the log is long enough.", section="Replay")
     numbers = summary(found)
     status = ", ".join(f"{name} {share:.0%}" for name, share in found.status.items())
+    end = (
+        f" At {found.time[-1]:.1f} s it leaves the driven line for good: the driver's speed is its limit."
+        if found.lost
+        else ""
+    )
     note = (
-        "The driven line as the road, the driver's speed, our steering, on the identified car: what would we have steered? "
-        f"Difference RMS {np.degrees(float(str(numbers['steer_difference_rms_rad']))):.2f}°, "
+        "The driven line as the road, the driver's speed, our steering, on the identified car. "
+        f"Difference RMS {np.degrees(numbers['steer_difference_rms_rad']):.2f}°, "
         f"correlation {numbers['steer_correlation']:.3f}; our car stays within {numbers['offset_max_m']:.2f} m of the "
-        f"driven line (RMS {numbers['offset_rms_m']:.2f} m). Steps: {status}."
+        f"driven line (RMS {numbers['offset_rms_m']:.2f} m). Steps: {status}.{end}"
     )
     return Evidence("Our controller on this road", note, replay_figure(found), section="Replay")
 

@@ -5,6 +5,7 @@ moment. Steering alone is ours.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -26,6 +27,8 @@ LONGEST, LEAST = 40.0, 8.0
 """Of the stretch, in [s]."""
 APART = 25.0
 """Least distance [m] of the road from itself, else its projection is not unique."""
+LOST = 5.0
+"""Distance [m] from the driven line at which a replay ends: at the driver's speed there is no way back."""
 _SPACING = 4.0  # of the way-points, in [m]
 _AHEAD = 150.0  # road beyond the end, in [m]
 
@@ -48,6 +51,11 @@ class Replay:
     offset: Array
     speed: Array
     status: dict[str, float]
+
+    @property
+    def lost(self) -> bool:
+        """Whether our car left the driven line for good."""
+        return bool(np.abs(self.offset[-1]) > LOST)
 
 
 def replay(log: MeasuredLog, values: Values, chassis: Chassis, vehicle: VehicleParameters) -> Replay | None:
@@ -83,11 +91,11 @@ def replay(log: MeasuredLog, values: Values, chassis: Chassis, vehicle: VehicleP
         v_x, a_x = _three(speed, k), _three(along, k)
         car = advance(p, c, car, v_x, a_x, (angle, 0.5 * (angle + end), end), 0.0, PERIOD, False)
         pose, angle = _moved(pose, v_x[1], car), end
-        if abs(offset) > 20.0:
+        if abs(offset) > LOST:
             break
     total = sum(counts.values())
-    columns = np.array(rows).T
-    return Replay(*columns, {name: count / total for name, count in counts.items()})
+    time, theirs, ours, offset, held = np.array(rows).T
+    return Replay(time, theirs, ours, offset, held, {name: count / total for name, count in counts.items()})
 
 
 def _actuated(angle: float, aim: float, vehicle: VehicleParameters) -> float:
@@ -118,7 +126,7 @@ def _stretch(log: MeasuredLog, values: Values) -> tuple[int, Array, Array, Array
             count = _clear(line[0], line[1])
             work = float(np.abs(log.signals["yaw_rate"][first : first + count]).sum())
             if count * PERIOD >= LEAST and work > best:
-                best, chosen = work, (first, *(part[:count] for part in line))
+                best, chosen = work, (first, line[0][:count], line[1][:count], line[2][:count])
     return chosen
 
 
@@ -169,7 +177,7 @@ def replay_figure(found: Replay) -> Figure:
     return figure
 
 
-def summary(found: Replay) -> dict[str, float | dict[str, float]]:
+def summary(found: Replay) -> dict[str, Any]:
     """Numbers for summary.json and the report."""
     difference = found.ours - found.driver
     return {
@@ -177,5 +185,6 @@ def summary(found: Replay) -> dict[str, float | dict[str, float]]:
         "steer_difference_rms_rad": float(np.sqrt(np.mean(difference**2))),
         "steer_correlation": float(np.corrcoef(found.ours, found.driver)[0, 1]),
         "offset_rms_m": float(np.sqrt(np.mean(found.offset**2))), "offset_max_m": float(np.abs(found.offset).max()),
+        "lost": found.lost,
         "status": found.status,
     }  # fmt: skip

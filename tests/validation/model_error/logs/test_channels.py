@@ -176,7 +176,8 @@ v_x = "SPEED"
 
 
 @pytest.mark.parametrize(("text", "words"), [
-    ("[signals]\nyaw_rat = 'x'\n", "did you mean yaw_rate"), ("[signals]\nv_x = { name = 'x', sing = 1 }\n", "did you mean sign"),
+    ("[signals]\nyaw_rat = 'x'\n", "did you mean yaw_rate"),
+    ("[signals]\nv_x = { name = 'x', sing = 1 }\n", "did you mean sign"),
     ("least_speed = 1.0\n", "least_speed"), ("dbc = 'none.dbc'\n", "no file"), ("rear_drive = 2.0\n", "rear_drive"),
 ])  # fmt: skip
 def test_a_mapping_names_what_is_wrong_with_it(mapping, text, words):
