@@ -23,7 +23,8 @@ def main() -> None:
     car, rows = known_car(), []
     for seed in range(first, first + seeds):
         rows.append(one(seed, car))
-        print(seed, {name: f"{value - true:+.3g}" for name, (true, value, _, _) in rows[-1].items()}, flush=True)
+        errors = {n: f"{v - t:+.3g} ± {0.5 * (high - low):.2g}" for n, (t, v, low, high) in rows[-1].items()}
+        print(seed, errors, flush=True)
     names = sorted({name for row in rows for name in row})
     print(f"\n{seeds} seeds: parameter, identified, truth inside, RMS and largest error, mean half interval")
     for name in names:

@@ -161,7 +161,7 @@ def identify_log(
 
 
 def explained(log: MeasuredLog, values: Values, chassis: Chassis, channels: tuple[str, ...]) -> dict[str, float]:
-    """Share of each signal's variance in windows of WINDOW from measured starts; a_y and v_y by their motion to 5 Hz."""
+    """Share of each signal's variance below 5 Hz in windows of WINDOW from measured starts."""
     windows = windows_of(log, WINDOW, channels)
     still = np.zeros((len(windows.starts), 4))
     out = delayed(simulate(values, chassis, log.signals, windows.starts, windows.steps, still, False), values)

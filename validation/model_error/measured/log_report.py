@@ -92,8 +92,8 @@ def _metres(value: float) -> str:
 def model_evidence(scores: Sequence[Scores], starts: Starts, fitted: str, passed: bool) -> list[Evidence]:
     """Measured against each model."""
     note = (
-        f"Fitted to {fitted}. Windows of 3 s from measured starts, steering and speed as measured. Share of the variance "
-        f"that the model explains, below {HIGHEST:g} Hz and, as raw, with all that the sensors add. Then the 95th "
+        f"Fitted to {fitted}. Windows of 3 s from measured starts, steering and speed as measured. Share of the "
+        f"variance that the model explains, below {HIGHEST:g} Hz and, as raw, with all that the sensors add. Then the 95th "
         f"percentile of the lateral offset's error {HORIZON_TIME:g} s ahead, in m, by the mean lateral acceleration."
     )
     return [
@@ -202,9 +202,9 @@ def envelope_evidence(found: LogEnvelope) -> Evidence:
     ]
     heads = ("up to [m/s²] at", *(f"{speed:g} m/s" for speed in found.speeds))
     note = (
-        f"The controller's own models with the vehicle file, as on plants: p95 of the lateral error {HORIZON_TIME:g} s "
-        f"ahead, valid while it stays within the buffer of {found.buffer:g} m. The error holds what sensors and an unknown "
-        "bank add: small limits may be the log's, not the model's. Its one tyre for both axles has the stiffness of both "
+        f"The controller's own models with the vehicle file, as on plants: p95 of the lateral error "
+        f"{HORIZON_TIME:g} s ahead, valid while it stays within the buffer of {found.buffer:g} m. The error holds what "
+        "sensors and an unknown bank add: small limits may be the log's, not the model's. Its one tyre for both axles has the stiffness of both "
         "together, so that a car whose axles differ loses its balance. --set controller.buffer=... asks for another."
     )
     return Evidence(
