@@ -34,6 +34,7 @@ from sidestep.fmu.native.build import build_fmu
 from sidestep.fmu.native.plants import MODELS
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
+from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.scenarios.scenario import load_scenario
 
 DT = 0.02
@@ -177,7 +178,7 @@ def drive() -> list[VehicleState]:
 
 
 def fresh_controller() -> SteeringController:
-    return SteeringController(SCENE.vehicle, SCENE.path, SCENE.obstacles, SCENE.controller)
+    return bare_controller(SCENE)
 
 
 def exported(fmi: int) -> Path:

@@ -4,18 +4,20 @@ What is compared is timed in turns, and of each the least time counts: what the 
 The ratios carry from machine to machine, the times do not; two threads need two idle cores.
 """
 
+import ctypes
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import mujoco
 import numpy as np
+from numba import njit
 
-from sidestep.controller import SteeringController
-from sidestep.plant_models.mujoco.loop import stop_the_clock
+from sidestep.plant_models.mujoco.library import load_own_copy
 from sidestep.plant_models.mujoco.plant import MujocoPlant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
+from sidestep.validation.loop.closed_loop import open_controller
 from sidestep.validation.loop.cosimulation import cosimulate
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.scenarios.scenario import load_scenario
@@ -43,18 +45,23 @@ def car() -> MujocoPlant:
 
 
 def steps() -> dict[str, tuple[float, float]]:
-    """The plant's steps and MuJoCo's alone, without its clock and with it, of cars of their own."""
-    own, bare = car(), car()
+    """The plant's steps and MuJoCo's alone, without its clock and with it, of cars of their own.
 
-    def as_it_comes() -> None:
-        mujoco.set_mjcb_time(None)  # its own clock
-        mujoco.mj_step(bare.model, bare.data, STEPS)
-        stop_the_clock()
+    Without: in a copy of the library, as the plant steps.
+    """
+    own, bare = car(), car()
+    model, data, step = bare.model._address, bare.data._address, load_own_copy().mj_step
+    step.argtypes, step.restype = [ctypes.c_ssize_t, ctypes.c_ssize_t], None
+
+    @njit
+    def without_clock():
+        for _ in range(STEPS):
+            step(model, data)
 
     kernels = {
         "own": lambda: own.step(BEND, PERIOD),
-        "bare": lambda: mujoco.mj_step(bare.model, bare.data, STEPS),
-        "clock": as_it_comes,
+        "bare": without_clock,
+        "clock": lambda: mujoco.mj_step(bare.model, bare.data, STEPS),
     }
     return in_turns(kernels, 3000)
 
@@ -75,7 +82,7 @@ def threads() -> float:
 def real_time_factor(passes: int = 8) -> float:
     """Of the double scene, whole loop with the controller at 50 Hz; of every period the least time of the passes."""
     scenario = load_scenario("double-obstacle", ["plant.kind=mujoco", f"controller.period={PERIOD}"])
-    controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
+    controller = open_controller(scenario)
     clocks: list[list[int]] = []
     with open_plant(scenario) as plant:
         for _ in range(passes):

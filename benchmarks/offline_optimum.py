@@ -18,8 +18,8 @@ import numpy as np
 import piqp
 from scipy import sparse
 
-from sidestep.controller import SteeringController
 from sidestep.plant_models.linear.bicycle import continuous, discretise
+from sidestep.validation.loop.closed_loop import open_controller
 from sidestep.validation.loop.cosimulation import cosimulate
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario
@@ -34,7 +34,7 @@ STATES = 5  # l, e, beta, gamma, delta
 
 def passing_sides(scenario: Scenario) -> list[int]:
     """Side of every obstacle on which the default controller passes it, +1 on its left."""
-    controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
+    controller = open_controller(scenario)
     with open_plant(scenario) as plant:
         recording = cosimulate(controller, plant, scenario)
     beside = np.interp([o.s for o in scenario.obstacles], recording["s"], recording["l"])

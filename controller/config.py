@@ -1,10 +1,10 @@
 """Settings of the controller, and its two presets."""
 
-import math
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Annotated, Any
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.ranges import Range, check
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,8 @@ class ControllerConfig:
         weight_acceleration, weight_jerk: Of lateral acceleration [s^4/m^2] and jerk [s^6/m^2].
         weight_rate: Of the steering rate itself, in [s^2/rad^2]; keeps standstill well-posed.
         corridor_penalty, slip_penalty: Linear cost of leaving the corridor [1/m] or the slip bound [1/rad].
+        solver: Of the QP where a bound acts: "piqp", or "active-set", which is compiled with the step; where that one
+            does not come to an end, PIQP is asked. Both give the optimum.
         tyre_model: "affine" takes tangents to the Magic Formula about the last plan, "linear" the
             cornering stiffness of the paper.
         body_roll: Predict how the body rolls, and what tyres feel of it, from the vehicle's suspension data: for
@@ -41,9 +43,10 @@ class ControllerConfig:
         slip_share: Bound on front and rear slip angle, as a share of the angle at which the axle peaks.
         validity: File of `sidestep validate` (validity.json): slip angles then also stay where lateral acceleration
             is within its limits for this speed and friction; empty for none.
-        estimate_friction: Lower the friction where the car's lateral acceleration speaks against it.
         reject_disturbance: Learn steering offset and lateral force that the model lacks.
         comfort_braking: Deceleration used where the distance allows it, in [m/s^2].
+        bend_acceleration: Lateral acceleration that sets the speed in bends, in [m/s^2]; less where friction or
+            `validity` allow less.
         standstill_gap: Distance left to what blocks the road, in [m].
         max_lateral_acceleration: a_y,max of Eq. (14), in [m/s^2]; `paper` only.
         weight_steer: R of Eq. (15), which the paper does not give; below about 20 its closed loop oscillates
@@ -51,58 +54,50 @@ class ControllerConfig:
     """
 
     formulation: str = "corridor"
-    period: float = 0.02
-    input_delay_steps: int = 0
-    cruise_speed: float | None = None
-    width_left: float = 4.0
-    width_right: float = 4.0
-    reference_offset: float = 0.0
-    buffer: float = 0.2
-    tightening: float = 0.03
-    margin_time: float = 0.01
-    safe_distance: float = 1.0
-    weight_reference: float = 1.0
-    weight_continuity: float = 0.2
-    weight_obstacle: float = 3.0
-    side_hysteresis: float = 2.0
-    max_lateral_speed: float = 6.0
-    max_slope: float = 0.35
-    weight_offset: float = 3.0
-    weight_lateral_speed: float = 0.4
-    weight_acceleration: float = 0.07
-    weight_jerk: float = 2e-3
-    weight_rate: float = 0.5
-    corridor_penalty: float = 300.0
-    slip_penalty: float = 300.0
+    period: Annotated[float, Range(0.001, 0.2, "s")] = 0.02
+    input_delay_steps: Annotated[int, Range(0, 50)] = 0
+    cruise_speed: Annotated[float, Range(0.0, 150.0, "m/s")] | None = None
+    width_left: Annotated[float, Range(0.01, 1e3, "m")] = 4.0
+    width_right: Annotated[float, Range(0.01, 1e3, "m")] = 4.0
+    reference_offset: Annotated[float, Range(-1e3, 1e3, "m")] = 0.0
+    buffer: Annotated[float, Range(0.0, 100.0, "m")] = 0.2
+    tightening: Annotated[float, Range(0.0, 100.0, "m")] = 0.03
+    margin_time: Annotated[float, Range(0.0, 10.0, "s")] = 0.01
+    safe_distance: Annotated[float, Range(0.001, 100.0, "m")] = 1.0
+    weight_reference: Annotated[float, Range(0.0, 1e6)] = 1.0
+    weight_continuity: Annotated[float, Range(0.0, 1e6)] = 0.2
+    weight_obstacle: Annotated[float, Range(0.0, 1e6)] = 3.0
+    side_hysteresis: Annotated[float, Range(0.0, 1e6)] = 2.0
+    max_lateral_speed: Annotated[float, Range(0.01, 100.0, "m/s")] = 6.0
+    max_slope: Annotated[float, Range(0.001, 10.0)] = 0.35
+    weight_offset: Annotated[float, Range(1e-6, 1e6, "1/m²")] = 3.0
+    weight_lateral_speed: Annotated[float, Range(0.0, 1e6, "s²/m²")] = 0.4
+    weight_acceleration: Annotated[float, Range(0.0, 1e6, "s⁴/m²")] = 0.07
+    weight_jerk: Annotated[float, Range(0.0, 1e6, "s⁶/m²")] = 2e-3
+    weight_rate: Annotated[float, Range(1e-6, 1e6, "s²/rad²")] = 0.5
+    corridor_penalty: Annotated[float, Range(0.001, 1e6, "1/m")] = 300.0
+    slip_penalty: Annotated[float, Range(0.001, 1e6, "1/rad")] = 300.0
+    solver: str = "piqp"
     tyre_model: str = "affine"
     body_roll: bool = False
-    friction: float = 1.0
-    slip_share: float = 0.8
+    friction: Annotated[float, Range(0.01, 5.0)] = 1.0
+    slip_share: Annotated[float, Range(0.01, 10.0)] = 0.8
     validity: str = ""
-    estimate_friction: bool = False
     reject_disturbance: bool = True
-    comfort_braking: float = 3.0
-    standstill_gap: float = 2.0
-    max_lateral_acceleration: float = 8.0
-    weight_steer: float = 50.0
+    comfort_braking: Annotated[float, Range(0.01, 50.0, "m/s²")] = 3.0
+    bend_acceleration: Annotated[float, Range(0.01, 100.0, "m/s²")] = 4.0
+    standstill_gap: Annotated[float, Range(0.0, 100.0, "m")] = 2.0
+    max_lateral_acceleration: Annotated[float, Range(0.01, 100.0, "m/s²")] = 8.0
+    weight_steer: Annotated[float, Range(1e-6, 1e6)] = 50.0
 
     def __post_init__(self) -> None:
-        for f in fields(self):
-            value = getattr(self, f.name)
-            if f.name in _CHOICES:
-                if value not in _CHOICES[f.name]:
-                    allowed = ", ".join(str(choice).lower() for choice in _CHOICES[f.name])
-                    raise InputError(f"controller.{f.name}", f"{value!r}", allowed)
-                continue
-            if (f.name == "cruise_speed" and value is None) or (f.name == "validity" and isinstance(value, str)):
-                continue
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                raise InputError(f"controller.{f.name}", f"{value!r} is not a finite number")
-            if f.type is int and not isinstance(value, int):
-                raise InputError(f"controller.{f.name}", f"{value!r}", "a whole number >= 0")
-            low = _LOWEST.get(f.name, 0.0)
-            if value < low or (f.name in _POSITIVE and value <= 0.0):
-                raise InputError(f"controller.{f.name}", f"{value}", "> 0" if f.name in _POSITIVE else f">= {low:g}")
+        check(self, "controller")
+        for name, choices in _CHOICES.items():
+            if getattr(self, name) not in choices:
+                allowed = ", ".join(str(choice).lower() for choice in choices)
+                raise InputError(f"controller.{name}", f"{getattr(self, name)!r}", allowed)
+        if not isinstance(self.validity, str):
+            raise InputError("controller.validity", f"{self.validity!r}", "the path of a file, or empty")
 
     @classmethod
     def preset(cls, name: str = "default", **overrides: Any) -> "ControllerConfig":
@@ -127,16 +122,10 @@ class ControllerConfig:
 PRESETS: dict[str, dict[str, Any]] = {"default": {}, "paper": {"formulation": "paper"}}
 """What each preset changes against the defaults."""
 
-_POSITIVE = (
-    "period", "width_left", "width_right", "safe_distance", "max_lateral_speed", "max_slope", "weight_offset",
-    "weight_rate", "corridor_penalty", "slip_penalty", "friction", "slip_share", "comfort_braking",
-    "max_lateral_acceleration", "weight_steer",
-)  # fmt: skip
 _CHOICES: dict[str, tuple[str, ...] | tuple[bool, ...]] = {
     "formulation": ("corridor", "paper"),
+    "solver": ("piqp", "active-set"),
     "tyre_model": ("affine", "linear"),
     "body_roll": (True, False),
-    "estimate_friction": (True, False),
     "reject_disturbance": (True, False),
 }
-_LOWEST = {"reference_offset": -math.inf}

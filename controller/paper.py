@@ -4,13 +4,16 @@ Forward Euler (7), the steering angle as input, the centre point inside (13) as 
 input limit, (15) against the road's reference. What the paper leaves open (T, N_p, Q) is set here.
 """
 
-import time
+import math
 
 import numpy as np
 import piqp
 from numpy.typing import NDArray
 
-from sidestep.controller.mpc.mpc import Problem, Solution
+from sidestep.controller.config import ControllerConfig
+from sidestep.controller.mpc.piqp_solver import STATUS, Problem
+from sidestep.controller.mpc.status import NUMERICS
+from sidestep.controller.validity import Validity
 from sidestep.plant_models.linear.bicycle import continuous, euler
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
@@ -23,44 +26,35 @@ WEIGHT_OFFSET, WEIGHT_HEADING = 1.0, 1.0
 class PaperMpc:
     """Builds and solves the paper's QP anew in every step."""
 
-    def __init__(self, vehicle: VehicleParameters, weight_steer: float, max_lateral_acceleration: float):
-        self.vehicle, self._r, self._a_max = vehicle, weight_steer, max_lateral_acceleration
-        self.times: Array = STEP * np.arange(1.0, HORIZON + 1)
+    def __init__(self, vehicle: VehicleParameters, c: ControllerConfig):
+        validity = Validity.of(c)
+        valid = float(validity.by_speed(c.friction).min()) if validity else math.inf
+        self.vehicle, self._r, self._reference = vehicle, c.weight_steer, c.reference_offset
+        self._a_max = min(c.max_lateral_acceleration, valid)
         self.problem: Problem | None = None
 
-    def reset(self) -> None:
-        """Nothing is kept from step to step."""
-
-    def solve(self, x0: Array, speed: float, turn_rate: Array, bounds: Array, reference: float) -> Solution:
-        """Solve (15), (16).
+    def solve(self, work: NDArray[np.void], _: Array) -> bool:
+        """Solve (15), (16); whether that gave an optimum.
 
         Args:
-            x0: Present state, of which the first four entries count, shape (6,).
-            speed: v, in [m/s].
-            turn_rate: Heading rate of the road during each step, shape (40,), in [rad/s].
-            bounds: First two rows: (13) at the nodes, shape (4, 40), in [m].
-            reference: l_ref, in [m].
+            work: Work space record: present state `x0`, of which the first four entries count, `speed`, `turn_rate`
+                and the first two rows of `bounds`, (13) at the nodes; `states` and the solver's figures are filled.
         """
-        began = time.perf_counter()
-        p = self.problem = self._build(x0[:4], max(speed, 1.0), reference, turn_rate, bounds)
-        built = time.perf_counter()
+        w = work[0]
+        x0, bounds = w["x0"], w["bounds"][:, :HORIZON]
+        p = self.problem = self._build(x0[:4], max(w["speed"][0], 1.0), self._reference, w["turn_rate"], bounds)
         solver = piqp.DenseSolver()
         solver.setup(p.P, p.c, None, None, p.G, p.h_l, p.h_u, p.x_l, p.x_u)
-        status = solver.solve()
-        ended = time.perf_counter()
-        u = np.array(solver.result.x)
-        states = np.zeros((HORIZON + 1, 6))
+        status, info = solver.solve(), solver.result.info
+        u, states = np.array(solver.result.x), w["states"]
         states[0] = x0
-        states[1:, :4] = self._free + np.tensordot(self._response, u, axes=1)
-        states[1:, 4:] = u[:, None]
+        states[1 : HORIZON + 1, :4] = self._free + np.tensordot(self._response, u, axes=1)
+        states[1 : HORIZON + 1, 4:] = u[:, None]
         excess = np.maximum(p.h_l - p.G @ u, p.G @ u - p.h_u).max()
-        return Solution(
-            z=u, states=states, status=status.name, solved=status == piqp.PIQP_SOLVED,
-            iterations=int(solver.result.info.iter),
-            primal_residual=float(solver.result.info.primal_res), dual_residual=float(solver.result.info.dual_res),
-            slack_corridor=max(float(excess), 0.0), slack_slip=0.0,
-            build_us=1e6 * (built - began), solve_us=1e6 * (ended - built),
-        )  # fmt: skip
+        work["slack_corridor"], work["slack_slip"] = max(float(excess), 0.0), 0.0
+        work["solver_status"], work["iterations"] = STATUS.get(status, NUMERICS), info.iter
+        work["primal_residual"], work["dual_residual"] = info.primal_res, info.dual_res
+        return status == piqp.PIQP_SOLVED
 
     def _build(self, x0: Array, v: float, reference: float, turn_rate: Array, bounds: Array) -> Problem:
         a, b, _ = continuous(self.vehicle, v)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sidestep.controller.mpc.status import NAMES
 from sidestep.plant_models.signals import Status
 
 Array = NDArray[np.float64]
@@ -30,7 +31,7 @@ class Plan(NamedTuple):
         slack_corridor: How far the prediction leaves the corridor, in [m].
         slack_slip: How far it leaves the slip bound, in [rad].
         feasible: Solved, and the corridor kept within 1 mm.
-        plan_us, build_us, solve_us, step_us: Time for path search, QP, solver and the whole step, in [us].
+        solve_us, step_us: Time for the solver and for the whole step, in [us].
         stop_distance: Free distance before what blocks the road, in [m]; infinite if nothing does.
         target_speed: As sent with the command, in [m/s].
         sides: Passing side of each obstacle, +1 on its left, -1 on its right, 0 in the way, waited for, or out of view.
@@ -53,8 +54,6 @@ class Plan(NamedTuple):
     slack_corridor: float
     slack_slip: float
     feasible: bool
-    plan_us: float
-    build_us: float
     solve_us: float
     step_us: float
     stop_distance: float = math.inf
@@ -62,12 +61,27 @@ class Plan(NamedTuple):
     sides: tuple[int, ...] = ()
 
     @classmethod
-    def empty(cls, times: Array) -> "Plan":
-        """What there is before the first state: a FAULT at standstill, at the node times in [s]."""
-        nothing, count = np.zeros(0), len(times)
+    def of(cls, plan: np.void, settings: np.void, obstacles: int, solve_us: float, step_us: float) -> "Plan":
+        """A record of `PLAN` as a snapshot of its own.
+
+        Args:
+            plan: The record.
+            settings: Record of `SETTINGS`.
+            obstacles: How many the scene has.
+            solve_us, step_us: Times, in [us].
+        """
+        grid, sides = settings["grid"], [0] * obstacles
+        path, nodes = int(plan["layers"]), int(grid["nodes"]) + 1
+        for index, side in zip(plan["ids"][: plan["obstacles"]].tolist(), plan["sides"].tolist(), strict=False):
+            sides[index] = side
         return cls(
-            time=0.0, status=Status.FAULT, s=nothing, l=nothing, left=nothing, right=nothing,
-            states=np.zeros((count, 6)), roll=np.zeros((count, 2)), states_s=np.zeros(count), states_time=times,
-            solver_status="", iterations=0, primal_residual=0.0, dual_residual=0.0, slack_corridor=0.0,
-            slack_slip=0.0, feasible=False, plan_us=0.0, build_us=0.0, solve_us=0.0, step_us=0.0,
+            time=float(plan["time"]), status=Status(plan["status"]),
+            s=plan["s"][:path].copy(), l=plan["l"][:path].copy(), left=plan["left"][:path].copy(),
+            right=plan["right"][:path].copy(), states=plan["states"][:nodes].copy(), roll=plan["roll"][:nodes].copy(),
+            states_s=plan["states_s"][:nodes].copy(), states_time=np.concatenate([[0.0], grid["times"][: nodes - 1]]),
+            solver_status=NAMES[plan["solver_status"]], iterations=int(plan["iterations"]),
+            primal_residual=float(plan["primal_residual"]), dual_residual=float(plan["dual_residual"]),
+            slack_corridor=float(plan["slack_corridor"]), slack_slip=float(plan["slack_slip"]),
+            feasible=bool(plan["feasible"]), solve_us=solve_us, step_us=step_us,
+            stop_distance=float(plan["stop_distance"]), target_speed=float(plan["target_speed"]), sides=tuple(sides),
         )  # fmt: skip

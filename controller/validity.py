@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from sidestep.controller.config import ControllerConfig
-from sidestep.controller.mpc.car_model import Car, axle_force, peak_slip
+from sidestep.controller.mpc.car_model import axle_force
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.vehicle.parameters import GRAVITY
 
 Array = NDArray[np.float64]
@@ -66,32 +66,57 @@ class Validity:
             raise InputError(
                 "controller.validity", f"{str(path)!r}: {error}", "a file of `sidestep validate`"
             ) from error
+        if problem := _problem(speeds, frictions, limits):
+            raise InputError("controller.validity", f"{str(path)!r}: {problem}", "a file of `sidestep validate`")
         order = np.argsort(frictions)
-        usable = limits.shape == (len(frictions), len(speeds)) and limits.size > 0
-        if not usable or not np.isfinite(limits).all() or (limits < 0.0).any() or (np.diff(speeds) <= 0.0).any():
-            raise InputError("controller.validity", f"{str(path)!r}: no table of limits by friction and speed")
         return cls(speeds, frictions[order], limits[order])
 
     def by_speed(self, friction: float) -> Array:
         """Limits at `speeds` on a road of this friction, in [m/s^2]; held beyond the table's ends."""
         return np.array([np.interp(friction, self.frictions, column) for column in self.limits.T])
 
-    def slip_at(self, speed: float, car: Car) -> tuple[float, float]:
-        """Front and rear slip angle that make the acceleration valid at a speed [m/s], in [rad]."""
-        limit = float(np.interp(speed, self.speeds, self.by_speed(car.friction)))
-        share = limit / GRAVITY  # of the axle's load
-        return (
-            _slip_of(share * car.load_f, car.stiffness_f, car.load_f, car),
-            _slip_of(share * car.load_r, car.stiffness_r, car.load_r, car),
-        )
+
+@kernel
+def slip_limits(speed, w, c):
+    """Bounds of front and rear slip angle at a speed [m/s], within what the prediction is valid for, in [rad].
+
+    Args:
+        speed: v, in [m/s].
+        w: Work space; `slip_limits` is filled.
+        c: Settings: share of the peak, and the validity table.
+    """
+    car = c.car
+    w.slip_limits[0], w.slip_limits[1] = c.slip_limits[0], c.slip_limits[1]
+    if c.valid == 0:
+        return
+    share = np.interp(speed, c.valid_speeds[: c.valid], c.valid_accelerations[: c.valid]) / GRAVITY  # of the load
+    front = _slip_of(share * car.load_f, car.stiffness_f, car.load_f, car, c.peaks[0])
+    rear = _slip_of(share * car.load_r, car.stiffness_r, car.load_r, car, c.peaks[1])
+    w.slip_limits[0], w.slip_limits[1] = min(c.slip_limits[0], front), min(c.slip_limits[1], rear)
 
 
-@njit(cache=True, nogil=True)
-def _slip_of(force, stiffness, load, car):
+def _problem(speeds: Array, frictions: Array, limits: Array) -> str:
+    """Why the table of one model is not to be trusted; empty if it is."""
+    if not (limits.size and speeds.ndim == frictions.ndim == 1 and limits.shape == (frictions.size, speeds.size)):
+        return f"limits of shape {limits.shape} for {frictions.shape} frictions and {speeds.shape} speeds"
+    if not (np.isfinite(speeds).all() and speeds[0] >= 0.0 and (np.diff(speeds) > 0.0).all()):
+        return f"speeds that do not rise from 0 or more: {speeds.tolist()}"
+    if not (np.isfinite(frictions) & (frictions > 0.0)).all():
+        return f"a friction that is not positive: {frictions.tolist()}"
+    rows = frictions.tolist()
+    if twice := [friction for friction in rows if rows.count(friction) > 1]:
+        return f"friction {twice[0]:g} stands in more than one row"  # which limit holds?
+    if not (np.isfinite(limits) & (limits >= 0.0)).all():
+        return "a limit that is negative or no number"
+    return ""
+
+
+@kernel
+def _slip_of(force, stiffness, load, car, peak):
     """Smallest slip angle at which an axle makes a force, in [rad]; that of the peak if it never does."""
     if not car.affine:
         return force / stiffness
-    low, high = 0.0, peak_slip(load, car)
+    low, high = 0.0, peak
     while high - low > SLIP_ACCURACY:
         middle = 0.5 * (low + high)
         if axle_force(middle, stiffness, load, car) < force:

@@ -7,13 +7,12 @@ Run it: python examples/add_a_plant.py
 import numpy as np
 from own_plant import KinematicCar
 
-from sidestep.controller import SteeringController
 from sidestep.plant_models import check_plant
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.validation.judge.verdict import judge
-from sidestep.validation.loop.cosimulation import cosimulate
+from sidestep.validation.loop.closed_loop import closed_loop
 from sidestep.validation.loop.recording import Recording
-from sidestep.validation.manoeuvres.rating import rate
+from sidestep.validation.report.compare.rating import rate
 from sidestep.validation.scenarios.scenario import load_scenario
 
 
@@ -23,11 +22,11 @@ def main() -> None:
 
     driven: list[Recording] = []
     for plant in (LinearPlant(scenario.vehicle), KinematicCar(scenario.vehicle)):
-        controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
         with plant:
-            driven.append(cosimulate(controller, plant, scenario))
+            driven.append(closed_loop(scenario, plant))
         judgement = judge(driven[-1], scenario)
-        print(f"{type(plant).__name__}: {judgement.label}, smallest clearance {judgement.min_clearance:.2f} m")
+        words = f"{judgement.verdict.value}: {judgement.label}, {judgement.min_clearance:.2f} m clear"
+        print(f"{type(plant).__name__}: {words}")
 
     linear, own = driven
     shared = np.arange(0.0, min(linear["time"][-1], own["time"][-1]), 0.01)

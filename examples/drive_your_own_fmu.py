@@ -7,14 +7,13 @@ import shutil
 import sys
 from pathlib import Path
 
-from sidestep.controller import SteeringController
 from sidestep.fmu.importing.archive import unpack
 from sidestep.fmu.importing.mapping import Mapping
 from sidestep.fmu.importing.plant import FmuPlant
 from sidestep.fmu.importing.proposal import describe, propose_mapping
 from sidestep.fmu.native.build import build_fmu
 from sidestep.validation.judge.verdict import judge
-from sidestep.validation.loop.cosimulation import cosimulate
+from sidestep.validation.loop.closed_loop import closed_loop
 from sidestep.validation.scenarios.scenario import load_scenario
 
 
@@ -26,11 +25,11 @@ def main(file: Path, table: Path | None) -> None:
 
     mapping = Mapping.from_file(table) if table else Mapping.from_text(proposal)
     scene = load_scenario("single-obstacle")
-    controller = SteeringController(scene.vehicle, scene.path, scene.obstacles, scene.controller)
     with FmuPlant.from_file(file, mapping, scene.vehicle) as plant:
-        recording = cosimulate(controller, plant, scene)
-    verdict = judge(recording, scene)
-    print(f"{recording.end.value} at {recording['time'][-1]:.2f} s, clearance {verdict.min_clearance:.2f} m")
+        recording = closed_loop(scene, plant)
+    judged = judge(recording, scene)
+    words = f"{judged.verdict.value}: {judged.label}, clearance {judged.min_clearance:.2f} m"
+    print(f"{recording.end.value} at {recording['time'][-1]:.2f} s, {words}")
     print("estimated:", ", ".join(recording.estimated) or "nothing")
 
 

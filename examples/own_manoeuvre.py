@@ -7,9 +7,9 @@ import numpy as np
 from sidestep.plant_models import VehicleParameters
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.mujoco.plant import MujocoPlant
-from sidestep.validation.loop.open_loop import drive
 from sidestep.validation.manoeuvres.catalogue import Array, Manoeuvre
-from sidestep.validation.manoeuvres.rating import rate
+from sidestep.validation.manoeuvres.open_loop import drive
+from sidestep.validation.report.compare.rating import rate
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,7 @@ class KinematicCar:
 def main() -> None:
     car = VehicleParameters.preset("bmw-320i")
     for finding in check_plant(KinematicCar(car), car):
-        print("check_plant:", finding)
+        print("check_plant:", finding)  # three: a car that rolls without slip is no BMW in a fast bend
 
     road = ReferencePath.from_segments([Line(150.0)])
     controller = SteeringController(car, road, [Obstacle(s=40.0, l=0.0, length=4.5, width=1.8)])
@@ -77,7 +77,7 @@ def main() -> None:
             command = controller.step(state)
             state = plant.step(command, dt=0.02)
             if step % 100 == 99:
-                print(f"{state.time:4.1f} s: {state.x:5.1f} m along, {state.y:+.2f} m aside, {command.status.name}")
+                print(f"{state.time:4.1f} s: {state.x:5.1f} m along, {state.y:+.2f} m left, {command.status.name}")
 
 
 if __name__ == "__main__":

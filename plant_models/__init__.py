@@ -1,19 +1,21 @@
 """The world the controller acts on: signals, vehicle data, road, obstacles, tyre law, plants."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from sidestep.plant_models.check_plant import check_plant
-from sidestep.plant_models.errors import InputError, PlantError, SidestepError
-from sidestep.plant_models.linear.plant import LinearPlant
-from sidestep.plant_models.obstacle import Obstacle
-from sidestep.plant_models.plant import Plant
-from sidestep.plant_models.road.reference_path import Arc, Clothoid, Line, ReferencePath
-from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
-from sidestep.plant_models.tyres.parameters import TyreParameters
-from sidestep.plant_models.vehicle.parameters import SuspensionParameters, VehicleParameters, vehicle_presets
+from sidestep.plant_models.lazy import lazy
 
 if TYPE_CHECKING:
+    from sidestep.plant_models.checks.check_plant import check_plant
+    from sidestep.plant_models.errors import InputError, PlantError, SidestepError
+    from sidestep.plant_models.linear.plant import LinearPlant
     from sidestep.plant_models.mujoco.plant import MujocoPlant
+    from sidestep.plant_models.obstacle import Obstacle
+    from sidestep.plant_models.plant import Plant
+    from sidestep.plant_models.road.reference_path import Arc, Clothoid, Line, ReferencePath
+    from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
+    from sidestep.plant_models.tyres.parameters import TyreParameters
+    from sidestep.plant_models.vehicle.parameters import VehicleParameters, vehicle_presets
+    from sidestep.plant_models.vehicle.suspension import SuspensionParameters
 
 __all__ = [
     "Arc",
@@ -37,11 +39,20 @@ __all__ = [
     "vehicle_presets",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    # MuJoCo is loaded only by those who ask for it: the controller runs without.
-    if name == "MujocoPlant":
-        from sidestep.plant_models.mujoco.plant import MujocoPlant
-
-        return MujocoPlant
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+# Errors and single modules load without the kernels' compiler, which takes half a second; MuJoCo only if asked for.
+__getattr__ = lazy(
+    __name__,
+    {
+        "checks.check_plant": ("check_plant",),
+        "errors": ("InputError", "PlantError", "SidestepError"),
+        "linear.plant": ("LinearPlant",),
+        "mujoco.plant": ("MujocoPlant",),
+        "obstacle": ("Obstacle",),
+        "plant": ("Plant",),
+        "road.reference_path": ("Arc", "Clothoid", "Line", "ReferencePath"),
+        "signals": ("Status", "SteeringCommand", "VehicleState"),
+        "tyres.parameters": ("TyreParameters",),
+        "vehicle.parameters": ("VehicleParameters", "vehicle_presets"),
+        "vehicle.suspension": ("SuspensionParameters",),
+    },
+)

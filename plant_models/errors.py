@@ -1,5 +1,7 @@
 """The error tree: every error also is a standard-library error and carries its evidence."""
 
+from collections.abc import Iterable
+
 
 class SidestepError(Exception):
     """Root of everything this project raises on purpose."""
@@ -25,3 +27,11 @@ class InputError(SidestepError, ValueError):
 
 class PlantError(SidestepError, RuntimeError):
     """A plant that cannot go on (solver blew up, FMU returned an error, process died)."""
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """`, did you mean X?` for the closest known word, or nothing."""
+    import difflib  # only for who mistyped
+
+    close = difflib.get_close_matches(word, list(known), n=1)
+    return f", did you mean {close[0]}?" if close else ""

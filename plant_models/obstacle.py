@@ -1,9 +1,9 @@
 """Obstacles as oriented boxes in the road frame."""
 
-import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from typing import Annotated
 
-from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.ranges import Range, check
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,22 +18,16 @@ class Obstacle:
         height: In [m]: a body that leans touches a tall one sooner. Only plants in three dimensions know it.
     """
 
-    s: float
-    l: float  # noqa: E741 (the paper's letter)
-    length: float
-    width: float
-    heading: float = 0.0
-    speed: float = 0.0
-    height: float = 1.5
+    s: Annotated[float, Range(-1e6, 1e6, "m")]
+    l: Annotated[float, Range(-1e4, 1e4, "m")]  # noqa: E741 (the paper's letter)
+    length: Annotated[float, Range(0.001, 1e4, "m")]
+    width: Annotated[float, Range(0.001, 1e4, "m")]
+    heading: Annotated[float, Range(-100.0, 100.0, "rad")] = 0.0
+    speed: Annotated[float, Range(-150.0, 150.0, "m/s")] = 0.0
+    height: Annotated[float, Range(0.001, 100.0, "m")] = 1.5
 
     def __post_init__(self) -> None:
-        for f in fields(self):
-            value = getattr(self, f.name)
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                raise InputError(f"obstacle.{f.name}", f"{value!r} is not a finite number")
-        for name in ("length", "width", "height"):
-            if getattr(self, name) <= 0.0:
-                raise InputError(f"obstacle.{name}", f"{getattr(self, name)}", "> 0")
+        check(self, "obstacle")
 
     def at(self, time: float) -> "Obstacle":
         """The same box where it is after `time` seconds."""

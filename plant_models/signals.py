@@ -1,4 +1,4 @@
-"""The signals that cross every seam: what a plant reports and what it is told.
+"""The signals that cross every seam: what a plant reports and what it is commanded.
 
 ISO 8855 axes (x forward, y left, yaw and steering positive to the left), SI units, radians.
 The reference point is the ground projection of the total centre of gravity, rotated by yaw only.

@@ -3,16 +3,15 @@
 The same law is written in C in the single-track FMU; a plant that follows another one cannot be compared.
 """
 
-from numba import njit
-
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
 SPEED_GAIN = 2.0
 """Acceleration per speed error, in [1/s]."""
 
 
-@njit(cache=True, nogil=True)
-def limited_acceleration(speed, target_speed, max_braking, max_acceleration):
+@kernel
+def limited_acceleration(speed: float, target_speed: float, max_braking: float, max_acceleration: float) -> float:
     """clip(SPEED_GAIN (target_speed - speed), -max_braking, max_acceleration), in [m/s^2]; for kernels."""
     return min(max(SPEED_GAIN * (target_speed - speed), -max_braking), max_acceleration)
 

@@ -12,7 +12,7 @@ def fake(case: Case) -> dict[str, object]:
     time.sleep(0.005)
     margin = 0.5 - 0.4 * case.values["plant.noise"]
     return {
-        "row": case.row, "seed": case.seed, "values": dict(case.values), "passed": margin > 0.0,
+        "row": case.row, "seed": case.seed, "values": dict(case.values), "verdict": "pass" if margin > 0.0 else "fail",
         "label": "ok" if margin > 0.0 else "collision", "margin_m": margin, "error": None,
     }  # fmt: skip
 

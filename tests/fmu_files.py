@@ -1,7 +1,6 @@
 """FMUs for tests: our own, changed in one place, and one by somebody else."""
 
 import math
-import shutil
 import zipfile
 from contextlib import contextmanager
 from dataclasses import astuple
@@ -14,6 +13,8 @@ from sidestep.fmu.importing.archive import unpack
 from sidestep.fmu.native.build import build_fmu, source_files
 from sidestep.fmu.native.plants import MODELS
 from sidestep.fmu.native.platforms import compile_library
+from sidestep.fmu.scratch import discard
+from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
@@ -34,7 +35,7 @@ def unpacked(file):
     try:
         yield fmu
     finally:
-        shutil.rmtree(fmu.folder)
+        discard(fmu.folder)
 
 
 def changed(source, target, changes):
@@ -70,6 +71,16 @@ def patched(folder, fmi, old, new, source=None, identifier="single_track"):
     file.write_text(file.read_text().replace(old, new))
     compile_library(sources, folder / "binary", QUICK)
     return changed(source, folder / "patched.fmu", {binary(fmi, identifier): (folder / "binary").read_bytes()})
+
+
+def reported_here(function, limit):
+    """Stands in for `isolation.reported`, without the other process."""
+    found = []
+    try:
+        function(lambda kind, text: found.append(text) if kind == "finding" else None)
+    except (InputError, PlantError) as error:
+        found.append(str(error))
+    return found
 
 
 FOREIGN_MAP = """

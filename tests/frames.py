@@ -7,7 +7,7 @@ import can
 import pytest
 
 from sidestep.controller.can_port.bus.bus import Bus
-from sidestep.controller.can_port.port import CYCLE
+from sidestep.controller.can_port.codec.database import CYCLE
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import Status, SteeringCommand
 

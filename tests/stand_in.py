@@ -19,7 +19,7 @@ def straight_plan(state: VehicleState) -> Plan:
         time=state.time, status=Status.TRACKING, s=s, l=across, left=np.full(21, 3.0), right=np.full(21, -3.0),
         states=states, roll=np.zeros((5, 2)), states_s=s[:5], states_time=np.array([0.0, 0.1, 0.2, 0.3, 0.4]),
         solver_status="SOLVED", iterations=3, primal_residual=0.0, dual_residual=0.0, slack_corridor=0.0,
-        slack_slip=0.0, feasible=True, plan_us=1.0, build_us=1.0, solve_us=1.0, step_us=3.0,
+        slack_slip=0.0, feasible=True, solve_us=1.0, step_us=3.0,
     )  # fmt: skip
 
 

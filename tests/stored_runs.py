@@ -3,12 +3,12 @@
 from stand_in import Feedback, KinematicCar, shortened
 
 from sidestep.validation.files import write_text
+from sidestep.validation.judge.run import Run
 from sidestep.validation.judge.summary import strict_json, summarise
 from sidestep.validation.judge.verdict import judge
 from sidestep.validation.loop.cosimulation import cosimulate
 from sidestep.validation.loop.recording import write_columns
 from sidestep.validation.scenarios.scenario import load_scenario
-from sidestep.validation.studies.runs import Run
 
 
 def drive(scene="single-obstacle", overrides=(), aim=0.0, folder=None, duration=8.0, **car):

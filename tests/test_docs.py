@@ -2,6 +2,7 @@
 
 import importlib
 import re
+import runpy
 from ast import literal_eval
 from dataclasses import fields
 from pathlib import Path
@@ -10,8 +11,8 @@ import pytest
 
 from sidestep.controller import ControllerConfig
 from sidestep.controller.decision.lattice import LAYERS
-from sidestep.controller.mpc.prediction import grid
-from sidestep.controller.mpc.qp import SLACKS
+from sidestep.controller.mpc.grid import grid
+from sidestep.controller.records import SLACKS
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
@@ -28,8 +29,9 @@ def test_settings_table_is_that_of_the_code():
 @pytest.mark.parametrize("name", sorted(set(re.findall(r"`(\w+\.\w+)`", EQUATIONS))))
 def test_every_function_of_the_equation_table_exists(name):
     module, function = name.split(".")
-    package = "plant_models" if module == "bicycle" else "controller"
-    assert callable(getattr(importlib.import_module(f"sidestep.{package}.{module}"), function))
+    files = [file for top in ("plant_models", "controller") for file in (ROOT / top).rglob(f"{module}.py")]
+    dotted = ["sidestep." + ".".join(file.relative_to(ROOT).with_suffix("").parts) for file in files]
+    assert any(callable(getattr(importlib.import_module(one), function, None)) for one in dotted)
 
 
 def test_every_equation_of_the_paper_has_a_place():
@@ -50,3 +52,8 @@ def test_sizes_in_the_data_flow_are_those_of_the_code():
 def test_links_between_files_lead_somewhere(page):
     links = re.findall(r"\]\((?!https?:|#)([^)#]+)", page.read_text(encoding="utf-8"))
     assert [link for link in links if not (page.parent / link).exists()] == []
+
+
+def test_page_of_numbers_is_that_of_the_code():
+    tool = runpy.run_path(str(ROOT / "tools" / "keys.py"))
+    assert (ROOT / "docs" / "keys.md").read_text(encoding="utf-8") == tool["page"]()

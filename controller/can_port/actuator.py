@@ -8,16 +8,18 @@
     FAULT         steering angle not measurable  hold the angle and stop, for good
 
 A command is accepted if its channel lets it through (see `channel`) and it is plausible: mode, enable and angle
-agree, and the angle is not farther from the last one than the rate limit allows.
+agree, the angle is not farther from the last one than the rate limit allows, and the state that it answers, if it
+says which, was sent lately and goes on from the last one.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
-from math import inf, isfinite
+from dataclasses import dataclass, replace
+from math import inf, isfinite, isnan
 
 from sidestep.controller.can_port.bus.channel import Channel
-from sidestep.controller.can_port.codec.database import ProtectedMessage
+from sidestep.controller.can_port.codec.database import CYCLE, BusMessage
 from sidestep.controller.can_port.codec.messages import (
+    ANSWERS,
     MAX_ANGLE,
     MAX_RATE_LIMIT,
     STEER_CMD,
@@ -26,9 +28,15 @@ from sidestep.controller.can_port.codec.messages import (
     SteerStatus,
     decode_steer_command,
 )
+from sidestep.controller.can_port.codec.samples import sample_number
+from sidestep.controller.can_port.interface import Interface
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
 
+OLDEST_ANSWER = 0.3
+"""Age from which on a state is too old for a command that answers it to be followed, in [s]."""
+
+_STEP = 1e-3  # coarsest step of the angle in a mapped message, in [rad]
 _INSTANT = 1e-9  # two times closer than this are the same, in [s]
 
 
@@ -61,23 +69,32 @@ class Actuator:
 
     Args:
         config: Limits.
-        message: STEER_CMD in the protection in use.
+        message: The message that steers.
+        interface: What lies before it and blocks what passes its limits; None for nothing.
 
     Attributes:
         state: Present state.
         report: What the last `step` has to say on STEER_STATUS; None before it.
         channel: Receiving end of the command.
         implausible: Commands that came through the channel but cannot have been meant.
+        blocked: Commands that the interface did not let pass.
     """
 
-    def __init__(self, config: ActuatorConfig | None = None, message: ProtectedMessage = STEER_CMD):
+    def __init__(
+        self,
+        config: ActuatorConfig | None = None,
+        message: BusMessage = STEER_CMD,
+        interface: Interface | None = None,
+    ):
         self.config = config or ActuatorConfig()
         self.state = ActuatorState.INIT
         self.report: SteerStatus | None = None
         self.channel = Channel(message)
-        self.implausible = 0
+        self.implausible = self.blocked = 0
+        self._interface = interface
+        self._slowness = max(1.0, message.cycle / CYCLE)
         self._frame: SteerFrame | None = None  # the last accepted one
-        self._target = 0.0
+        self._target = self._speed = 0.0
         self._last: VehicleState | None = None
 
     def step(self, frames: Iterable[bytes | bytearray], vehicle: VehicleState) -> SteeringCommand:
@@ -87,6 +104,7 @@ class Actuator:
             frames: STEER_CMD frames that arrived since the last call, oldest first.
             vehicle: State now; its time must not go backwards.
         """
+        self._speed = vehicle.v_x if self._frame is None else self._speed
         self._receive(frames, vehicle.time)
         self.state = self._next_state(vehicle)
         elapsed = max(0.0, vehicle.time - self._last.time) if self._last else 0.0
@@ -98,24 +116,58 @@ class Actuator:
         return self._command(vehicle)
 
     @property
+    def active_age(self) -> float:
+        """Oldest command that is followed, in [s]: that of the limits, longer for a message that comes more seldom."""
+        return self.config.active_age * self._slowness
+
+    @property
+    def hold_age(self) -> float:
+        """Oldest command that is held, in [s]; likewise."""
+        return self.config.hold_age * self._slowness
+
+    @property
     def asked(self) -> SteeringCommand | None:
         """The last accepted command, limited by nothing; None before the first."""
         return self._frame.command if self._frame else None
 
     def _receive(self, frames: Iterable[bytes | bytearray], time: float) -> None:
         for data in self.channel.take(frames):
-            frame = decode_steer_command(data, time, self.channel.message)
-            if frame.plausible and self._can_be_next(frame):
-                self._frame = frame
-            else:
+            frame = self._with_speed(decode_steer_command(data, time, self.channel.message))
+            if not (frame.plausible and self._can_be_next(frame)):
                 self.implausible += 1
+            elif not self._passes(frame):
+                self.blocked += 1
+            else:
+                self._frame = frame
+
+    def _passes(self, frame: SteerFrame) -> bool:
+        """Whether the interface lets a command pass; one cycle more, for frames that waited on their way."""
+        if self._interface is None or self._last is None or not frame.enable:
+            return True
+        command, cycle = frame.command, self.channel.message.cycle
+        if self._frame and self._frame.enable:
+            last, elapsed = self._frame.command.steer_angle, command.time - self._frame.command.time + cycle
+        else:
+            last, elapsed = self._last.steer_angle, cycle
+        return self._interface.passes(command.steer_angle, last, self._last.v_x, elapsed, _STEP)
+
+    def _with_speed(self, frame: SteerFrame) -> SteerFrame:
+        """A command that carries no speed asks for the one at which steering began."""
+        if not isnan(frame.command.target_speed):
+            return frame
+        return frame._replace(command=replace(frame.command, target_speed=self._speed))
 
     def _can_be_next(self, frame: SteerFrame) -> bool:
-        """Whether the angle can have come so far; `hold_age` more, for frames that waited on their way."""
+        """Whether it answers what was sent lately and the angle can have come so far.
+
+        `hold_age` more than the time between them, for frames that waited on their way.
+        """
         last = self._frame
+        if not _answers_lately(frame, last, self.hold_age):
+            return False
         if last is None or not (last.enable and frame.enable):
             return True
-        elapsed = frame.command.time - last.command.time + self.config.hold_age
+        elapsed = frame.command.time - last.command.time + self.hold_age
         return abs(frame.command.steer_angle - last.command.steer_angle) <= elapsed * last.rate_limit
 
     def _next_state(self, vehicle: VehicleState) -> ActuatorState:
@@ -124,9 +176,9 @@ class Actuator:
         if self._frame is None:
             return ActuatorState.INIT
         age = vehicle.time - self._frame.command.time - _INSTANT
-        if age <= self.config.active_age:
+        if age <= self.active_age:
             return ActuatorState.ACTIVE if self._frame.enable else ActuatorState.STANDBY
-        return ActuatorState.HOLD if age <= self.config.hold_age else ActuatorState.RAMP_TO_ZERO
+        return ActuatorState.HOLD if age <= self.hold_age else ActuatorState.RAMP_TO_ZERO
 
     def _next_target(self, elapsed: float) -> float:
         """Angle to go to, in [rad]."""
@@ -155,3 +207,16 @@ class Actuator:
 def _towards(goal: float, start: float, reach: float) -> float:
     """`start` moved towards `goal` by `reach` at most."""
     return start + min(max(goal - start, -reach), reach)
+
+
+def _answers_lately(frame: SteerFrame, last: SteerFrame | None, hold_age: float) -> bool:
+    """Whether the state that a command answers was sent in the last `OLDEST_ANSWER`, and is as new as it can be."""
+    if frame.answers is None:
+        return True
+    now = sample_number(frame.command.time)
+    if (now - frame.answers) % ANSWERS > OLDEST_ANSWER / CYCLE:
+        return False
+    if last is None or last.answers is None:
+        return True
+    passed = now - sample_number(last.command.time) + 2.0 * hold_age / CYCLE
+    return passed >= ANSWERS or (frame.answers - last.answers) % ANSWERS <= passed

@@ -9,12 +9,12 @@ from typing import Any, Protocol, Self
 
 import can
 
-from sidestep.controller.can_port.bus.bus import Bus
+from sidestep.controller.can_port.bus.bus import Bus, key_of
 from sidestep.controller.can_port.bus.faults import FaultSpec, FaultyBus
 from sidestep.controller.can_port.bus.log import open_log
 from sidestep.controller.can_port.bus.pacing import Pacer
-from sidestep.controller.can_port.codec.database import Frame, Protection, messages
-from sidestep.controller.can_port.nodes import CYCLE, ControllerNode
+from sidestep.controller.can_port.codec.database import CYCLE, EXTENDED, Catalogue, Frame, messages
+from sidestep.controller.can_port.nodes import ControllerNode
 
 
 class Link(Protocol):
@@ -43,7 +43,7 @@ class RealTimeLink:
     Args:
         spec: Bus as INTERFACE:CHANNEL.
         senders: Names of this node in the database; what it sends itself is not received.
-        protection: End-to-end protection; "P05" sends CAN FD frames.
+        catalogue: The messages in use; None for ours in Profile 2.
         log: File for every frame sent and received, stamped with the link's time; None for none.
         allow_real_bus: Whether the bus may reach hardware.
         follows: Whether its deadlines are to lie half a cycle behind the first frame that it hears.
@@ -61,7 +61,7 @@ class RealTimeLink:
         self,
         spec: str,
         senders: Collection[str],
-        protection: Protection = "P02",
+        catalogue: Catalogue | None = None,
         log: Path | None = None,
         allow_real_bus: bool = False,
         follows: bool = False,
@@ -69,10 +69,11 @@ class RealTimeLink:
         self.pacer = Pacer(CYCLE)
         self._follows = follows
         self.sent = self.refused = 0
-        self._fd = protection == "P05"
-        own = [message.frame_id for message in messages(protection).values() if message.sender in senders]
+        sent = (messages() if catalogue is None else catalogue).values()
+        own = [message.frame_id for message in sent if message.sender in senders]
+        self._fd = {message.frame_id for message in sent if message.is_fd}
         with ExitStack() as resources:
-            self._bus = resources.enter_context(Bus(spec, own, False, self._fd, allow_real_bus))
+            self._bus = resources.enter_context(Bus(spec, own, False, bool(self._fd), allow_real_bus, everything=True))
             self._log = resources.enter_context(open_log(log)) if log else None
             self._resources = resources.pop_all()
 
@@ -82,19 +83,25 @@ class RealTimeLink:
 
     def receive(self) -> list[Frame]:
         """Take in every frame that waits."""
-        arrived, now = self._bus.drain(), self.pacer.now()
-        if self._follows and arrived:
-            self.pacer.follow(now - (time.time() - arrived[0].timestamp))
+        arrived, now, clock = self._bus.drain(), self.pacer.now(), time.time()
+        ours = [message for message in arrived if self._bus.is_ours(message)]
+        if self._follows and ours:
+            self.pacer.follow(now - (clock - ours[0].timestamp))
             self._follows = False
-        for message in arrived:
-            self._record(message, now, is_rx=True)
-        return [(message.arbitration_id, bytes(message.data)) for message in arrived]
+        for message in arrived:  # stamped with when it came, not with when it was taken in
+            self._record(message, now - max(0.0, clock - message.timestamp), is_rx=True)
+        return [(key_of(message), bytes(message.data)) for message in ours]
 
     def send(self, frames: Iterable[Frame]) -> None:
         """Send frames; those that the bus does not take are counted and gone."""
         now = self.pacer.now()
         for frame_id, data in frames:
-            message = can.Message(arbitration_id=frame_id, data=data, is_extended_id=False, is_fd=self._fd)
+            message = can.Message(
+                arbitration_id=frame_id & ~EXTENDED,
+                data=data,
+                is_extended_id=bool(frame_id & EXTENDED),
+                is_fd=frame_id in self._fd,
+            )
             if self._bus.send(message):
                 self.sent += 1
                 self._record(message, now, is_rx=False)
@@ -102,12 +109,21 @@ class RealTimeLink:
                 self.refused += 1
 
     def begin(self) -> None:
-        """Figures of the deadlines count from here."""
+        """Figures count from here."""
         self.pacer.begin()
+        self._bus.strangers = self._bus.error_frames = 0
+
+    @property
+    def strangers(self) -> int:
+        """Frames that came from elsewhere under an identifier of this node."""
+        return self._bus.strangers
 
     def statistics(self, until: float = inf) -> dict[str, Any]:
         """Figures of the bus, and of the deadlines up to `until`, in [s]."""
-        bus = {"interface": self._bus.spec, "sent": self.sent, "refused": self.refused}
+        bus = {
+            "interface": self._bus.spec, "sent": self.sent, "refused": self.refused,
+            "strangers": self.strangers, "error_frames": self._bus.error_frames,
+        }  # fmt: skip
         return {**bus, **self.pacer.statistics(until)}
 
     def close(self) -> None:
@@ -132,12 +148,12 @@ class VirtualTimeLink:
     Args:
         node: The controller's node.
         faults: What goes wrong, in both directions, counted from `begin` on.
-        protection: End-to-end protection.
+        catalogue: The messages in use; None for ours in Profile 2.
     """
 
-    def __init__(self, node: ControllerNode, faults: FaultSpec | None = None, protection: Protection = "P02"):
+    def __init__(self, node: ControllerNode, faults: FaultSpec | None = None, catalogue: Catalogue | None = None):
         self.node, self.time = node, -CYCLE
-        self._catalogue, self._faults = messages(protection), faults or FaultSpec()
+        self._catalogue, self._faults = messages() if catalogue is None else catalogue, faults or FaultSpec()
         self._to_controller, self._to_vehicle = self._buses(FaultSpec())
         self._zero = 0.0
 

@@ -1,28 +1,34 @@
 """The steering port: commands go out as frames, what comes off the bus is what the plant gets."""
 
+from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
+from math import isnan
 from pathlib import Path
 from time import monotonic
 from typing import Self
 
 import can
 
-from sidestep.controller.can_port.bus.bus import Bus, resolve_spec
+from sidestep.controller.can_port.bus.bus import Bus, key_of, resolve_spec
 from sidestep.controller.can_port.bus.log import open_log
-from sidestep.controller.can_port.codec.database import Protection, messages
+from sidestep.controller.can_port.codec.database import CYCLE, EXTENDED, BusMessage
 from sidestep.controller.can_port.codec.messages import (
     MAX_RATE_LIMIT,
     STEER_CMD,
     decode_steer_command,
     encode_steer_command,
 )
+from sidestep.controller.can_port.codec.samples import exact_frame, sample_number
+from sidestep.controller.can_port.findings import Finding, Verdict
 from sidestep.controller.can_port.protection.e2e import ACCEPTED, CheckStatus, Receiver
-from sidestep.plant_models.signals import SteeringCommand
+from sidestep.plant_models.signals import SteeringCommand, VehicleState
 
-CYCLE = STEER_CMD.cycle
-"""Time between two steering commands on the bus, in [s]."""
+HELD = 0.05
+"""How long the last command may be held, as an actuator on the bus would hold it, in [s]."""
 
+_OWN = 32  # commands that are known again when they come back
 _PATIENCE = 0.1  # longest wait for our own frame to cross the bus, in [s]
 _USABLE = ACCEPTED | {CheckStatus.INITIAL}
 
@@ -30,7 +36,8 @@ _USABLE = ACCEPTED | {CheckStatus.INITIAL}
 class SteeringPort:
     """Sender and receiver of the steering command in one process, in simulation time.
 
-    What it hands back is the bus's echo of what it sent, never a short cut.
+    What it hands back is the bus's echo of what it sent, never a short cut. The state that a command answers does not
+    travel here; `announce` puts it into the log in full, so that the log tells what was asked.
 
     `transmit` is to be called every `CYCLE` seconds of simulation time.
 
@@ -39,13 +46,16 @@ class SteeringPort:
         log: File for every frame that was received, stamped with simulation time; None for none.
         rate_limit: Steering rate limit to send along, in [rad/s].
         allow_real_bus: Whether the bus may reach hardware.
-        protection: End-to-end protection; "P05" sends CAN FD frames.
+        message: The message that steers; None for STEER_CMD in Profile 2.
+        behind: How many announced states a command lies behind the newest.
 
     Attributes:
         interface: The bus in use as INTERFACE:CHANNEL, or "off".
         sent: Commands that the bus took.
         lost: Commands that were not taken or did not arrive intact.
         receiver: Check of the received command, with its counts.
+        longest_gap: Most commands lost in a row.
+        strangers: Frames under the command's identifier that are none of ours.
 
     Raises:
         InputError: The bus or the log cannot be opened.
@@ -57,25 +67,31 @@ class SteeringPort:
         log: Path | None = None,
         rate_limit: float = MAX_RATE_LIMIT,
         allow_real_bus: bool = False,
-        protection: Protection = "P02",
+        message: BusMessage | None = None,
+        behind: int = 0,
     ):
         self.interface = resolve_spec(spec)
-        self.sent = self.lost = 0
-        self._steer_cmd = messages(protection)["STEER_CMD"]
+        self.sent = self.lost = self.longest_gap = self.strangers = self._gap = 0
+        self._speed = 0.0
+        self._behind, self._announced = behind, deque[int](maxlen=behind + 1)
+        self._own: deque[bytes] = deque(maxlen=_OWN)
+        self._steer_cmd = STEER_CMD if message is None else message
         self.receiver = Receiver(self._steer_cmd.profile, self._steer_cmd.length)
         self._rate_limit = rate_limit
         self._counter = 0
         self._held: SteeringCommand | None = None
-        self._message = can.Message(
-            arbitration_id=self._steer_cmd.frame_id,
+        frame = self._message = can.Message(
+            arbitration_id=self._steer_cmd.frame_id & ~EXTENDED,
             dlc=self._steer_cmd.length,
-            is_extended_id=False,
+            is_extended_id=bool(self._steer_cmd.frame_id & EXTENDED),
             is_fd=self._steer_cmd.is_fd,
         )
         self._record: Callable[[can.Message], None] | None = None
         with ExitStack() as resources:
             if self.interface != "off":
-                self._bus = resources.enter_context(Bus(self.interface, (), True, self._message.is_fd, allow_real_bus))
+                self._bus = resources.enter_context(
+                    Bus(self.interface, (), True, frame.is_fd, allow_real_bus, everything=frame.is_extended_id)
+                )
                 if log is not None:
                     self._record = resources.enter_context(open_log(log)).on_message_received
             self._resources = resources.pop_all()
@@ -88,14 +104,36 @@ class SteeringPort:
         """
         if self.interface == "off":
             return command
-        data = encode_steer_command(command, self._counter, True, self._rate_limit, self._steer_cmd)
+        answers = self._announced[0] if len(self._announced) > self._behind else None
+        data = encode_steer_command(command, self._counter, True, self._rate_limit, self._steer_cmd, answers)
         self._counter += 1
+        self._own.append(data)
+        self._speed = command.target_speed  # goes beside the bus if the message has no place for it
         # bytes, not bytearray: the virtual bus deep-copies the frame, and bytes cost nothing to copy
         self._message.data = data  # pyright: ignore[reportAttributeAccessIssue]
         taken = self._bus.send(self._message)
         self.sent += taken
-        self.lost += not self._receive(command.time, data if taken else None)
+        arrived = self._receive(command.time, data if taken else None)
+        self.lost, self._gap = self.lost + (not arrived), 0 if arrived else self._gap + 1
+        self.longest_gap = max(self.longest_gap, self._gap)
         return self._held
+
+    def announce(self, state: VehicleState) -> None:
+        """The state that the controller is given now: for the log, and for the commands to name."""
+        self._announced.append(sample_number(state.time))
+        if self._record:
+            self._record(exact_frame(state))
+
+    def findings(self) -> tuple[Finding, ...]:
+        """What a verdict has to name."""
+        found: tuple[tuple[bool, str, Verdict, str], ...] = (
+            (self.strangers > 0, "second sender", "inconclusive",
+             f"{self.strangers} commands from elsewhere on {self.interface}"),
+            (self.longest_gap * CYCLE > HELD, "commands lost", "fail",
+             f"{self.lost} commands lost, {self.longest_gap} in a row"),
+            (self.lost > 0, "commands bridged", "pass", f"{self.lost} commands lost, the last one held"),
+        )  # fmt: skip
+        return tuple(Finding(label, verdict, text) for there, label, verdict, text in found if there)
 
     def close(self) -> None:
         """Complete the log and leave the bus; a second call does no harm."""
@@ -120,9 +158,11 @@ class SteeringPort:
         if self._record:
             message.timestamp, message.channel = time, 0
             self._record(message)
-        if message.arbitration_id != self._steer_cmd.frame_id:
+        if key_of(message) != self._steer_cmd.frame_id:
             return False
+        self.strangers += bytes(message.data) not in self._own
         if self.receiver.check(message.data) not in _USABLE:
             return False
-        self._held = decode_steer_command(message.data, time, self._steer_cmd).command
+        held = decode_steer_command(message.data, time, self._steer_cmd).command
+        self._held = replace(held, target_speed=self._speed) if isnan(held.target_speed) else held
         return True

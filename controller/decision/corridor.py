@@ -7,7 +7,8 @@ Stations are relative to the car's s. An obstacle is a convex polygon of eight r
 import math
 
 import numpy as np
-from numba import njit
+
+from sidestep.plant_models.kernels import kernel
 
 FIRST_CORRIDOR_TIME = 0.1
 """Earlier nodes get no corridor rows, in [s]: steering cannot move the car by a millimetre by then."""
@@ -15,7 +16,7 @@ NOTICED = 0.01
 """Excess over the corridor that counts as one, in [m]."""
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def obstacle_polygons(boxes, curvature):
     """Outline of boxes in the road frame.
 
@@ -40,7 +41,7 @@ def obstacle_polygons(boxes, curvature):
     return polygons
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def lateral_interval(polygon, shift, start, end):
     """Smallest and largest l of a polygon between two stations.
 
@@ -67,7 +68,7 @@ def lateral_interval(polygon, shift, start, end):
     return low, high
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def corridor_bounds(stations, times, reach, buffer, direction, bend, polygons, speeds, sides, right_edge, left_edge):
     """Free lateral interval at stations, Eq. (13) without the half width and buffer.
 
@@ -107,7 +108,7 @@ def corridor_bounds(stations, times, reach, buffer, direction, bend, polygons, s
     return right, left
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def footprint_bounds(stations, times, reach, buffer, levers, clearance, direction, turn, curvature, polygons, speeds,
                      sides, right_edge, left_edge):  # fmt: skip
     """Bounds on l + lever e_phi of the car's centre line at two ends of its footprint, Eq. (13).
@@ -146,32 +147,32 @@ def footprint_bounds(stations, times, reach, buffer, levers, clearance, directio
     return bounds
 
 
-@njit(cache=True, nogil=True)
-def excess_over(bounds, states, times, levers):
+@kernel
+def excess_over(w, grid):
     """How far a prediction leaves its corridor.
 
     Args:
-        bounds, levers: See `footprint_bounds`.
-        states, times: Of the prediction, present first, shapes (N + 1, 6) and (N + 1,).
+        w: Work space: `heeded` bounds, see `footprint_bounds`, and `states`.
+        grid: Record of `GRID`.
 
     Returns:
         Largest excess from FIRST_CORRIDOR_TIME on, in [m], and when it first comes to a centimetre, in [s];
         infinite if never.
     """
     worst, first = 0.0, math.inf
-    for k in range(1, times.shape[0]):
-        if times[k] < FIRST_CORRIDOR_TIME:
+    for k in range(grid.nodes):
+        if grid.times[k] < FIRST_CORRIDOR_TIME:
             continue
         for end in range(2):
-            value = states[k, 0] + levers[end] * states[k, 1]
-            excess = max(bounds[2 * end, k - 1] - value, value - bounds[2 * end + 1, k - 1])
+            value = w.states[k + 1, 0] + grid.levers[end] * w.states[k + 1, 1]
+            excess = max(w.heeded[2 * end, k] - value, value - w.heeded[2 * end + 1, k])
             worst = max(worst, excess)
             if excess > NOTICED:
-                first = min(first, times[k])
+                first = min(first, grid.times[k])
     return worst, first
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def path_reference(stations, offsets, queries, span):
     """Offset of the planned path and its mean slope over -+ span.
 

@@ -7,7 +7,8 @@ does not flicker; their spacing grows with speed, which makes (8) a bound on lat
 import math
 
 import numpy as np
-from numba import njit
+
+from sidestep.plant_models.kernels import kernel
 
 LAYERS = 60
 SPACING_TIME = 1.0 / 15.0
@@ -16,13 +17,13 @@ LATERAL_STEP = 0.08
 TIE = 1e-9
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def layer_spacing(speed):
     """Distance between layers at a speed in [m/s], in [m]."""
     return max(MIN_SPACING, SPACING_TIME * round(max(speed, 1.0)))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def arrival_times(stations, speed, cruise, acceleration):
     """When a car that goes back to its cruising speed is at stations ahead, from now, in [s].
 
@@ -48,7 +49,7 @@ def arrival_times(stations, speed, cruise, acceleration):
     return times
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def shortest_path(cost, first_weight, weight, reach, start, start_reach, home):
     """Path of least cost through all layers, exactly.
 
@@ -92,7 +93,7 @@ def shortest_path(cost, first_weight, weight, reach, start, start_reach, home):
     return path, best[-1, path[-1]]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _better(value, node, least, other, home):
     if value < np.inf and abs(value - least) <= TIE * value:  # rounding must not decide
         return abs(node - home) < abs(other - home)

@@ -4,13 +4,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from sidestep.controller.config import ControllerConfig
 from sidestep.controller.decision.corridor import corridor_bounds, lateral_interval
 from sidestep.controller.decision.lattice import LATERAL_STEP, LAYERS, arrival_times, layer_spacing, shortest_path
 from sidestep.controller.decision.stopping import GRIP_SHARE
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 
 FREE, GAP_TOO_NARROW = -1, -2
@@ -98,7 +98,7 @@ class PlannedPath(NamedTuple):
     settled: float
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _way_back(last, speed, polygons, speeds, p):
     """Stations up to `last` where the car has passed what is on the reference, and where it is back on it, in [m]."""
     passed, settled = 0.0, 0.0
@@ -113,7 +113,7 @@ def _way_back(last, speed, polygons, speeds, p):
     return passed, settled
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def node_costs(stations, times, offsets, speed, polygons, speeds, committed, certain, p):
     """Costs (10) and (12) of every node, and the price of what is in the way.
 
@@ -174,7 +174,7 @@ def node_costs(stations, times, offsets, speed, polygons, speeds, committed, cer
     return cost, settled
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def plan_path(station, offset, speed, cruise, polygons, speeds, committed, certain, p):
     """Search the best path from the car on and the corridor around it.
 
@@ -187,28 +187,29 @@ def plan_path(station, offset, speed, cruise, polygons, speeds, committed, certa
         p: PlannerSettings.
 
     Returns:
-        The fields of `PlannedPath`.
+        PlannedPath.
     """
     pace, spacing = max(speed, 1.0), layer_spacing(speed)
     first = (math.floor(station / spacing + 1.5)) * spacing - station
     stations = first + spacing * np.arange(LAYERS)
     hard = p.half_width + p.buffer
-    lowest = math.ceil((p.right_edge + hard) / LATERAL_STEP)
-    highest = math.floor((p.left_edge - hard) / LATERAL_STEP)
+    # counted from the reference, so that the path can lie on it
+    lowest = math.ceil((p.right_edge + hard - p.reference) / LATERAL_STEP)
+    highest = math.floor((p.left_edge - hard - p.reference) / LATERAL_STEP)
     narrow = lowest > highest
     if narrow:
-        lowest = highest = round(0.5 * (p.right_edge + p.left_edge) / LATERAL_STEP)
-    offsets = LATERAL_STEP * np.arange(lowest, highest + 1)
+        lowest = highest = round((0.5 * (p.right_edge + p.left_edge) - p.reference) / LATERAL_STEP)
+    offsets = p.reference + LATERAL_STEP * np.arange(lowest, highest + 1)
 
     times = arrival_times(stations, speed, cruise, p.acceleration)
     cost, settled = node_costs(stations, times, offsets, pace, polygons, speeds, committed, certain, p)
-    start = offset / LATERAL_STEP - lowest
+    start = (offset - p.reference) / LATERAL_STEP - lowest
     slope = min(p.max_slope, p.max_lateral_speed / pace)
     reach = max(int(slope * spacing / LATERAL_STEP + 1e-9), 1)
     outside = max(-start, start - (highest - lowest), 0.0)
     start_reach = max(slope * first / LATERAL_STEP, 1.0) + outside
     weight = p.weight_continuity * (LATERAL_STEP * pace) ** 2
-    home = p.reference / LATERAL_STEP - lowest
+    home = float(-lowest)
     nodes, least = shortest_path(cost, weight / first**2, weight / spacing**2, reach, start, start_reach, home)
 
     path_stations = np.empty(LAYERS + 1)
@@ -224,18 +225,18 @@ def plan_path(station, offset, speed, cruise, polygons, speeds, committed, certa
         polygons, speeds, sides, p.right_edge, p.left_edge,
     )  # fmt: skip
     right, left = right + hard, left - hard
-    room = path_stations[max(min(blocked_from, LAYERS) - 1, 0)]
+    room = float(path_stations[max(min(blocked_from, LAYERS) - 1, 0)])
     if blocker < 0:
         squeezed = right > left + 1e-6
         for i in range(1, LAYERS + 1):
             # already squeezed at the start: beside it, not before it
             if narrow or (squeezed[i] and not squeezed[: i + 1].all()):
-                blocker, room = GAP_TOO_NARROW, path_stations[i - 1]
+                blocker, room = GAP_TOO_NARROW, float(path_stations[i - 1])
                 break
-    return path_stations, path, right, left, sides, least, blocker, room, settled
+    return PlannedPath(path_stations, path, right, left, sides, least, blocker, room, settled)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _passing_sides(stations, times, path, polygons, speeds, p):
     """Side on which the path passes each obstacle, what slows the car down most, and from where on it is blocked."""
     sides = np.zeros(polygons.shape[0], np.int64)

@@ -2,7 +2,7 @@
 
 import math
 
-from sidestep.controller.config import ControllerConfig
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.vehicle.parameters import GRAVITY
 
 SPEED_RESPONSE = 1.0
@@ -21,7 +21,8 @@ GAP_TIME = 2.0
 """Time in which a gap that is too small is opened again, in [s]."""
 
 
-def approach_speed(distance: float, obstacle_speed: float, braking: float) -> float:
+@kernel
+def approach_speed(distance, obstacle_speed, braking):
     """Target speed at a distance before an obstacle.
 
     Braking at a constant rate towards the obstacle's speed, asked for early by the response time tau of a
@@ -41,13 +42,15 @@ def approach_speed(distance: float, obstacle_speed: float, braking: float) -> fl
     return ahead + math.sqrt(lead * lead + 2.0 * braking * distance) - lead
 
 
-def spare_braking(lateral: float, friction: float) -> float:
+@kernel
+def spare_braking(lateral, friction):
     """Deceleration that the tyres have left beside a lateral acceleration; both in [m/s^2]."""
     grip = GRIP_SHARE * friction * GRAVITY
     return math.sqrt(max(grip * grip - lateral * lateral, LEAST_BRAKING**2))
 
 
-def squeezed_speed(excess: float, room: float, blocked: bool, config: ControllerConfig) -> float:
+@kernel
+def squeezed_speed(excess, room, blocked, config):
     """Target speed for a prediction that leaves the corridor, in [m/s]; infinite if that is no reason to slow down.
 
     Args:

@@ -9,11 +9,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from sidestep.controller.mpc.roll import Body
-from sidestep.plant_models.tyres.formula import lateral_force
+from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.tyres.formula import cornering_stiffness, lateral_force
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 
 SLOPE_STEP = 1e-5
@@ -68,32 +68,33 @@ class Car(NamedTuple):
         )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def axle_force(slip, stiffness, load, car, moved=0.0):
     """Lateral force of an axle, in [N].
 
     Args:
         slip: Slip angle, in [rad].
-        stiffness, load: Of the axle, in [N/rad] and [N].
+        stiffness, load: Of the axle at rest, in [N/rad] and [N]: with either tyre model the slope at zero slip.
         car: Car.
         moved: Load that went from one wheel to the other, in [N]; none of it counts with linear tyres.
     """
     if not car.affine:
         return stiffness * slip
+    scale = 0.5 * stiffness / cornering_stiffness(0.5 * load, car.tyre)
     if moved == 0.0:
-        return 2.0 * lateral_force(slip, 0.5 * load, car.friction, car.tyre)
+        return 2.0 * lateral_force(slip, 0.5 * load, car.friction, car.tyre, scale)
     moved = min(abs(moved), MOST_MOVED * load)
-    force = lateral_force(slip, 0.5 * load + moved, car.friction, car.tyre)
-    return force + lateral_force(slip, 0.5 * load - moved, car.friction, car.tyre)
+    force = lateral_force(slip, 0.5 * load + moved, car.friction, car.tyre, scale)
+    return force + lateral_force(slip, 0.5 * load - moved, car.friction, car.tyre, scale)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def least_slope(stiffness, load, car):
     """Slope that a tangent of an axle has at least, in [N/rad]; arguments as of `axle_force`."""
     return LEAST_SHARE * axle_force(SLOPE_STEP, stiffness, load, car) / SLOPE_STEP
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def tangent(slip, least, stiffness, load, car, moved=0.0):
     """Slope [N/rad], not below `least`, and force at zero slip [N] of the line that touches the axle's force.
 
@@ -107,19 +108,19 @@ def tangent(slip, least, stiffness, load, car, moved=0.0):
     return slope, 0.5 * (above + below) - slope * slip
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def slip_angles(beta, yaw_rate, steer, speed, car):
     """Front and rear slip angle, in [rad], as in Eq. (2) and (3)."""
     return steer - beta - car.l_f * yaw_rate / speed, -beta + car.l_r * yaw_rate / speed
 
 
-@njit(cache=True, nogil=True)
-def peak_slip(load, car):
+@kernel
+def peak_slip(stiffness, load, car):
     """Slip angle at which the Magic Formula of an axle peaks, in [rad]; 45 deg if it never falls again."""
-    best, slip = 0.0, 0.0
+    best, slip, scale = 0.0, 0.0, 0.5 * stiffness / cornering_stiffness(0.5 * load, car.tyre)
     while slip < 0.25 * math.pi:
         slip += PEAK_STEP
-        force = lateral_force(slip, 0.5 * load, car.friction, car.tyre)
+        force = lateral_force(slip, 0.5 * load, car.friction, car.tyre, scale)
         if force < best:
             break
         best = force

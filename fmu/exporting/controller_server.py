@@ -16,11 +16,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import njit
+from numpy.typing import NDArray
 
 from sidestep.controller import ControllerConfig, SteeringController
 from sidestep.fmu.exporting.controller_variables import FIXED, NAMES, OUTPUTS, STATE, TUNABLE
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road.reference_path import ReferencePath
 from sidestep.plant_models.signals import VehicleState
@@ -104,7 +105,7 @@ class ControllerServer:
         command = controller.step(state)
         took, plan = time.perf_counter() - began, controller.plan
         assert plan is not None
-        solved = {"INPUT": 2.0, "PIQP_SOLVED": 0.0, "UNCONSTRAINED": 0.0}.get(plan.solver_status, 1.0)
+        solved = {"INPUT": 2.0, "SOLVED": 0.0, "UNCONSTRAINED": 0.0}.get(plan.solver_status, 1.0)
         outputs = _OUTPUTS.pack(
             command.steer_angle, command.target_speed, command.status, self._clearance(state), solved,
             plan.iterations, plan.slack_corridor, plan.slack_slip, 1e-6 * plan.solve_us, took, state.time,
@@ -122,8 +123,8 @@ class ControllerServer:
         return x, y, self._path.heading(s) + obstacle.heading, 0.5 * obstacle.length, 0.5 * obstacle.width
 
 
-@njit(cache=True, nogil=True)
-def clearance(x, y, yaw, ahead, a, b, boxes):
+@kernel
+def clearance(x: float, y: float, yaw: float, ahead: float, a: float, b: float, boxes: NDArray[np.float64]) -> float:
     """Distance in [m] from the car to the nearest box, 0 if they overlap, at most `NOTHING_NEAR`.
 
     Args:
@@ -139,8 +140,11 @@ def clearance(x, y, yaw, ahead, a, b, boxes):
     return nearest
 
 
-@njit(cache=True, nogil=True)
-def box_distance(x, y, heading, a, b, x_2, y_2, heading_2, a_2, b_2):
+@kernel
+def box_distance(
+    x: float, y: float, heading: float, a: float, b: float,
+    x_2: float, y_2: float, heading_2: float, a_2: float, b_2: float,
+) -> float:  # fmt: skip
     """Distance in [m] between two boxes, 0 if they overlap.
 
     Args:
@@ -153,7 +157,7 @@ def box_distance(x, y, heading, a, b, x_2, y_2, heading_2, a_2, b_2):
     return min(first, second) if apart or too else 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _corner_distance(x, y, heading, a, b, x_2, y_2, heading_2, a_2, b_2):
     """From the corners of the second box to the first one; whether an axis of the first one separates them."""
     c, s, turn = math.cos(heading), math.sin(heading), heading_2 - heading

@@ -2,7 +2,6 @@
 
 import importlib.util
 import math
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -13,7 +12,9 @@ from fmpy.validation import validate_fmu
 
 from sidestep.fmu.importing.archive import UnpackedFmu, unpack
 from sidestep.fmu.importing.instance import FmuInstance
-from sidestep.fmu.importing.isolation import call_isolated
+from sidestep.fmu.importing.isolation import Report, reported
+from sidestep.fmu.importing.ports import FLOATS, elements
+from sidestep.fmu.scratch import discard
 from sidestep.plant_models.errors import InputError, PlantError
 
 TIME_LIMIT = 60.0
@@ -36,10 +37,12 @@ def check_fmu(path: Path) -> list[tuple[str, str]]:
         fmu = unpack(path)
     except InputError as error:
         return [("sidestep", f"{error.problem}" + (f"; allowed: {error.allowed}" if error.allowed else ""))]
+    except PlantError as error:
+        return [("sidestep", str(error))]
     try:
         found = [("sidestep", finding) for finding in (*_described(fmu), *_run(path))]
     finally:
-        shutil.rmtree(fmu.folder, ignore_errors=True)
+        discard(fmu.folder)
     return found + [("fmpy", finding) for finding in _fmpy(path)] + [("fmutool", finding) for finding in _fmutool(path)]
 
 
@@ -48,31 +51,35 @@ def _described(fmu: UnpackedFmu) -> Iterator[str]:
     for causality in ("input", "output"):
         if causality not in names:
             yield f"it has no {causality}: nothing can be connected"
+    if fmu.remark:
+        yield fmu.remark
     if not fmu.interface.canHandleVariableCommunicationStepSize and not fmu.fixed_step:
         yield "it has a fixed step but does not say which"
 
 
 def _run(path: Path) -> list[str]:
-    try:
-        return call_isolated(partial(_one_step, path), TIME_LIMIT)
-    except (InputError, PlantError) as error:
-        return [str(error)]
+    return reported(partial(_one_step, path), TIME_LIMIT)
 
 
-def _one_step(path: Path) -> list[str]:
-    fmu = FmuInstance(path)
-    found = [f"it says {flag}, but its binary lacks {name}" for flag, name in _missing(fmu)]
+def _one_step(path: Path, say: Report) -> None:
+    say("call", "the loading of the binary")
+    fmu = FmuInstance(path, lambda name: say("call", name))
     try:
-        variables = [v for v in fmu.variables.values() if v.causality == "output" and v.type in ("Real", "Float64")]
-        outputs = fmu.port([variable.name for variable in variables])
+        for flag, name in _missing(fmu):
+            say("finding", f"it says {flag}, but its binary lacks {name}")
+        variables = [v for v in fmu.variables.values() if v.causality == "output" and v.type in FLOATS]
+        outputs = fmu.port([name for variable in variables for name in elements(variable)])
         fmu.start(0.0, {})
+        say("call", "the reading of outputs")
         fmu.get(outputs)
+        say("call", "the first step")
         fmu.step(0.0, fmu.fixed_step or 0.01)
         fmu.get(outputs)
-        values = zip(outputs.names, outputs.values, strict=True)
-        return found + [f"output {name} is {v} after the first step" for name, v in values if not math.isfinite(v)]
+        for name, value in zip(outputs.names, outputs.values, strict=True):
+            if not math.isfinite(value):
+                say("finding", f"output {name} is {value} after the first step")
     except (PlantError, InputError) as error:
-        return [*found, str(error)]
+        say("finding", str(error))
     finally:
         fmu.close()
 

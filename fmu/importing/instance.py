@@ -5,43 +5,27 @@ Life cycle: construct (unpack, load) -> start -> any number of set, step, get ->
 
 import ctypes
 import math
-import shutil
 import weakref
 from collections import deque
-from collections.abc import Iterable
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
-from fmpy.fmi3 import FMU3Slave
 
 from sidestep.fmu.importing.archive import unpack
-from sidestep.fmu.importing.loading import fmi2_callbacks, load_binary
+from sidestep.fmu.importing.loading import end_instance, fmi2_callbacks, free_instance, load_binary
+from sidestep.fmu.importing.ports import FLOATS, Port, elements, find_element
+from sidestep.fmu.importing.start_values import set_others
+from sidestep.fmu.scratch import discard
 from sidestep.plant_models.errors import InputError, PlantError
 
-_DOUBLES = ("Real", "Float64")
 _STATUS = ("ok", "warning", "discard", "error", "fatal", "pending")
 _WARNING, _DISCARD, _FATAL = 1, 2, 4
 _LAST_SUCCESSFUL_TIME = 2
 SMALLEST_PART = 2**-10
 """Part of a communication step below which a step that is discarded again and again is given up."""
-
-
-class Port:
-    """Variables that are always set or read together, with the buffer of their values.
-
-    Attributes:
-        names: The variables.
-        values: Their values, in the FMU's units; a ctypes array of doubles.
-    """
-
-    def __init__(self, names: list[str], references: list[int], is_fmi2: bool):
-        self.names = names
-        self.values = (ctypes.c_double * len(names))()
-        size = ctypes.c_size_t(len(names))
-        arguments = ((ctypes.c_uint32 * len(names))(*references), size, self.values)
-        self.arguments = arguments if is_fmi2 else (*arguments, size)
 
 
 class FmuInstance:
@@ -55,37 +39,46 @@ class FmuInstance:
         is_fmi2: FMI 2.0, else FMI 3.0.
     """
 
-    def __init__(self, path: str | Path):
+    def __init__(self, path: str | Path, on_call: Callable[[str], None] = lambda name: None):
         """Unpack and load the FMU.
+
+        Args:
+            path: The .fmu file.
+            on_call: Hears the name of each function of the life cycle before it is called.
 
         Raises:
             InputError: It cannot be used on this machine.
         """
-        self.path = Path(path)
+        self.path, self._on_call = Path(path), on_call
         with ExitStack() as resources:
             unpacked = unpack(self.path)
-            resources.callback(shutil.rmtree, unpacked.folder, ignore_errors=True)
+            resources.callback(discard, unpacked.folder)
             self.variables, self.is_fmi2 = unpacked.variables, unpacked.is_fmi2
             self.fixed_step, self.interface = unpacked.fixed_step, unpacked.interface
             self._slave = load_binary(self.path, unpacked)
             resources.callback(self._slave.freeLibrary)
-            resources.callback(_end, self._slave)
+            resources.callback(end_instance, self._slave, on_call)
             self._release = weakref.finalize(self, resources.pop_all().close)
         self._bind()
         self._messages: deque[str] = deque(maxlen=3)
         self._handle: ctypes.c_void_p | None = None
+        self._count = 0  # of instances made
         self._time = 0.0
 
     def port(self, names: list[str]) -> Port:
         """Value references and a buffer for these variables.
 
         Raises:
-            InputError: No such variable, or one that is not a double.
+            InputError: No such variable or element, or one that is no floating-point number.
         """
         for name in names:
-            if self._type(name) not in _DOUBLES:
-                raise InputError(str(self.path), f"{name!r} is of type {self._type(name)}", ", ".join(_DOUBLES))
-        return Port(names, [self.variables[name].valueReference for name in names], self.is_fmi2)
+            if self._type(name) not in FLOATS:
+                raise InputError(str(self.path), f"{name!r} is of type {self._type(name)}", ", ".join(FLOATS))
+        rows = [row for name in names if (row := find_element(self.variables, name))]
+        try:
+            return Port(self._slave.dll.library, names, rows, self.is_fmi2)
+        except AttributeError as error:  # a function of single precision, which few binaries have
+            raise InputError(str(self.path), f"its binary lacks what {', '.join(names)} takes: {error}") from error
 
     def check_known(self, names: Iterable[str]) -> None:
         """Whether these are names of its variables, of any type.
@@ -96,49 +89,55 @@ class FmuInstance:
         for name in names:
             self._type(name)
 
-    def start(self, time: float, values: dict[str, float]) -> None:
+    def start(self, time: float, values: Mapping[str, float | str]) -> None:
         """A new instance at `time` [s] with these start values; a former one is freed.
+
+        Of an FMU that says that it can be instantiated only once per process, the former one is reset instead.
 
         Raises:
             InputError: A name is not one of its variables, or a value does not fit its type.
             PlantError: The FMU refuses.
         """
-        others = {name: value for name, value in values.items() if self._type(name) not in _DOUBLES}
-        doubles = {name: value for name, value in values.items() if name not in others}
-        port = self.port(list(doubles))
-        port.values[:] = list(doubles.values())
-        self._handle = None
-        _end(self._slave)
+        others = {name: value for name, value in values.items() if self._type(name) not in FLOATS}
+        floats = {name: value for name, value in values.items() if name not in others}
+        port = self.port(list(floats))
+        for name, value in floats.items():
+            if isinstance(value, str):
+                raise InputError(str(self.path), f"{name!r} of type {self._type(name)} cannot be {value!r}", "a number")
+        port.values[:] = list(floats.values())
         self._time = time
-        self._instantiate()
+        if not self._is_reset():
+            self._handle = None
+            end_instance(self._slave, self._on_call)
+            self._instantiate()
         slave = self._slave
         try:
             if isinstance(slave, FMU2Slave):
+                self._on_call("fmi2SetupExperiment")
                 slave.setupExperiment(startTime=time)
+            self._on_call("the setting of start values")
             self.set(port)
-            self._set_others(others)
+            set_others(slave, str(self.path), self.variables, others, self.is_fmi2)
+            self._on_call(f"{self._prefix}EnterInitializationMode")
             if isinstance(slave, FMU2Slave):
                 slave.enterInitializationMode()
             else:
                 slave.enterInitializationMode(startTime=time)
+            self._on_call(f"{self._prefix}ExitInitializationMode")
             slave.exitInitializationMode()
         except FMICallException as error:
             raise self._failure(error.function, error.status) from error
 
     def _type(self, name: str) -> str:
-        if name not in self.variables:
-            raise InputError(str(self.path), f"no variable {name!r} in it", ", ".join(list(self.variables)[:40]))
-        return str(self.variables[name].type)
-
-    def _set_others(self, values: dict[str, float]) -> None:
-        for name, value in values.items():
-            kind = self._type(name)
-            if kind == "Enumeration":
-                kind = "Integer" if self.is_fmi2 else "Int64"
-            if kind != "Float32" and value != int(value):
-                raise InputError(str(self.path), f"{name!r} of type {kind} cannot be {value}", "a whole number")
-            number = value if kind == "Float32" else bool(value) if kind == "Boolean" else int(value)
-            getattr(self._slave, f"set{kind}")([self.variables[name].valueReference], [number])
+        if row := find_element(self.variables, name):
+            return str(row[0].type)
+        if variable := self.variables.get(name):
+            problem, allowed = (
+                f"{name!r} is an array of {variable.shape}",
+                f"an element, such as {elements(variable)[0]}",
+            )
+            raise InputError(str(self.path), problem, allowed)
+        raise InputError(str(self.path), f"no variable {name!r} in it", ", ".join(list(self.variables)[:40]))
 
     def set(self, port: Port) -> None:
         """Hand the port's buffer to the FMU.
@@ -146,9 +145,9 @@ class FmuInstance:
         Raises:
             PlantError: The FMU refuses.
         """
-        status = self._set(self._handle, *port.arguments)
+        status = port.set_plain(self._handle, *port.arguments) if port.is_plain else self._set_parts(port)
         if status > _WARNING:
-            raise self._failure(self._names[0], status)
+            raise self._failure(port.parts[0].set_name, status)
 
     def get(self, port: Port) -> None:
         """Fill the port's buffer.
@@ -156,9 +155,25 @@ class FmuInstance:
         Raises:
             PlantError: The FMU refuses.
         """
-        status = self._get(self._handle, *port.arguments)
+        status = port.get_plain(self._handle, *port.arguments) if port.is_plain else self._get_parts(port)
         if status > _WARNING:
-            raise self._failure(self._names[1], status)
+            raise self._failure(port.parts[0].get_name, status)
+
+    def _set_parts(self, port: Port) -> int:
+        worst = 0
+        for part in port.parts:
+            for place, target in part.places:
+                part.buffer[target] = port.values[place]
+            worst = max(worst, part.set(self._handle, *part.arguments))
+        return worst
+
+    def _get_parts(self, port: Port) -> int:
+        worst = 0
+        for part in port.parts:
+            worst = max(worst, part.get(self._handle, *part.arguments))
+            for place, source in part.places:
+                port.values[place] = part.buffer[source]
+        return worst
 
     def step(self, time: float, duration: float) -> None:
         """From `time` on for `duration`, in [s]; what the FMU discards is tried again in halves.
@@ -201,7 +216,7 @@ class FmuInstance:
         self._size.value = size
         status = self._do_step(self._handle, *self._step_arguments)
         if status > _WARNING and not (status == _DISCARD and can_retry):
-            raise self._failure(self._names[2], status)
+            raise self._failure(self._step_name, status)
         if self._ended:
             raise PlantError(f"{self.path.name}: the FMU ended the simulation in the step from t = {start:.6g} s")
         return self._reached(start, size) if status == _DISCARD or self._early else size
@@ -230,33 +245,46 @@ class FmuInstance:
         self._release()
 
     def _bind(self) -> None:
-        """Fresh function objects without argument conversion: all arguments are ctypes values already."""
-        library = self._slave.dll.library
-        if self.is_fmi2:
-            self._names = ("fmi2SetReal", "fmi2GetReal", "fmi2DoStep")
-        else:
-            self._names = ("fmi3SetFloat64", "fmi3GetFloat64", "fmi3DoStep")
-        self._set, self._get, self._do_step = (library[name] for name in self._names)
+        """A fresh function object without argument conversion: all arguments are ctypes values already."""
+        self._prefix = "fmi2" if self.is_fmi2 else "fmi3"
+        self._step_name = f"{self._prefix}DoStep"
+        self._do_step = self._slave.dll.library[self._step_name]
         self._start, self._size, self._last_time = ctypes.c_double(), ctypes.c_double(), ctypes.c_double()
         self._ended, self._early = ctypes.c_bool(), ctypes.c_bool()
         answers = (ctypes.c_bool(), self._ended, self._early, self._last_time)
         how = (ctypes.c_int(1),) if self.is_fmi2 else (ctypes.c_bool(True), *map(ctypes.pointer, answers))
         self._step_arguments = (self._start, self._size, *how)
 
+    def _is_reset(self) -> bool:
+        """Whether a living instance of an FMU that allows but one is as new."""
+        if not (self.is_running and self.interface.canBeInstantiatedOnlyOncePerProcess):
+            return False
+        try:
+            self._slave.reset()
+        except (FMICallException, PlantError):
+            return False
+        return True
+
     def _instantiate(self) -> None:
         messages = self._messages
         messages.clear()
 
         def log(environment: object, status: int, category: bytes, message: bytes) -> None:
-            messages.append(message.decode(errors="replace"))
+            messages.append((message or b"").decode(errors="replace"))
 
+        function = "fmi2Instantiate" if self.is_fmi2 else "fmi3InstantiateCoSimulation"
+        self._on_call(function)
         try:
             if isinstance(self._slave, FMU2Slave):
-                self._slave.instantiate(callbacks=fmi2_callbacks(messages))
+                self._slave.instantiate(callbacks=fmi2_callbacks(messages), loggingOn=True)
             else:
-                self._slave.instantiate(logMessage=log, earlyReturnAllowed=True)
+                self._slave.instantiate(logMessage=log, earlyReturnAllowed=True, loggingOn=True)
+        except PlantError:
+            raise
         except Exception as error:  # fmpy raises bare Exception when the FMU returns a null pointer
-            raise PlantError(f"{self.path.name}: {error}{self._said()}") from error
+            why = "; it may start once per process: --isolate gives it one for each" if self._count else ""
+            raise PlantError(f"{self.path.name}: {function} returned no instance{why}{self._said()}") from error
+        self._count += 1
         self._handle = ctypes.c_void_p(self._slave.component)  # pyright: ignore[reportArgumentType] (an int, in truth)
 
     def _failure(self, function: str, status: int) -> PlantError:
@@ -265,28 +293,8 @@ class FmuInstance:
         where = f"at t = {self._time:.6g} s"
         error = PlantError(f"{self.path.name}: {function} failed {where}: status {status} ({label}){self._said()}")
         self._handle = None
-        _free(self._slave, may_call=status != _FATAL)
+        free_instance(self._slave, may_call=status != _FATAL)
         return error
 
     def _said(self) -> str:
         return "".join(f"; {message}" for message in self._messages)
-
-
-def _end(slave: FMU2Slave | FMU3Slave) -> None:
-    """Terminate and free the instance, if there is one."""
-    if slave.component:
-        with suppress(FMICallException, PlantError):
-            slave.terminate()
-    _free(slave)
-
-
-def _free(slave: FMU2Slave | FMU3Slave, may_call: bool = True) -> None:
-    """Forget the instance, if there is one, and free it; the library stays."""
-    component = slave.component
-    slave.component = None  # pyright: ignore[reportAttributeAccessIssue] (as fmpy itself begins)
-    if not (component and may_call):
-        return
-    if isinstance(slave, FMU2Slave):
-        slave.fmi2FreeInstance(component)
-    else:
-        slave.fmi3FreeInstance(component)

@@ -6,29 +6,43 @@ import tempfile
 from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
-from typing import Any, Self, TypeVar
+from typing import Any, Self
 
+from sidestep.fmu.scratch import discard, scratch_folder
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 
-T = TypeVar("T")
+Report = Callable[[str, str], None]
+"""Hears "finding" with a sentence, or "call" with the name of what is called next."""
 
 START_LIMIT = 60.0
 """Time for the process to start and build the plant, in [s]."""
 
 
-def call_isolated(function: Callable[[], T], time_limit: float) -> T:
-    """What a picklable function returns, called in a process of its own.
+def reported(function: Callable[[Report], None], time_limit: float) -> list[str]:
+    """What a picklable function found, called in a process of its own.
 
-    Raises:
-        InputError, PlantError: What it raises, or its process ends or hangs.
+    Args:
+        function: Is handed a `Report`; what it said before its process ends or hangs is kept.
+        time_limit: Between two reports, in [s]; the first one may take START_LIMIT.
+
+    Returns:
+        The findings; the last one says how it ended, if it did not return, and in which call.
     """
-    process = _Process(_call, function)
+    process, found, doing, limit = _Process(_report, function), [], "the call", max(time_limit, START_LIMIT)
     try:
-        return process.answer("the call", time_limit)
+        while (answer := process.answer(doing, limit)) is not None:
+            (kind, text), limit = answer, time_limit
+            if kind == "finding":
+                found.append(text)
+            else:
+                doing = text
+    except (InputError, PlantError) as error:
+        found.append(str(error))
     finally:
         process.end()
+    return found
 
 
 class IsolatedPlant:
@@ -51,8 +65,11 @@ class IsolatedPlant:
         """
         if not time_limit > 0.0:
             raise InputError("isolate", f"{time_limit} s", "> 0")
-        self.time_limit = time_limit
-        self._process = _Process(_serve, build)
+        self.time_limit, self._build = time_limit, build
+        self._begin()
+
+    def _begin(self) -> None:
+        self._process, self._is_used = _Process(_serve, self._build), False
         try:
             self.estimated: tuple[str, ...] = self._process.answer("the start", START_LIMIT)
         except (InputError, PlantError):
@@ -60,12 +77,20 @@ class IsolatedPlant:
             raise
 
     def reset(self, state: VehicleState) -> VehicleState:
-        """Reset the plant behind.
+        """Reset the plant behind; where a second reset fails, in a fresh process: some FMUs start once in each.
 
         Raises:
             PlantError: It does, or ends or hangs.
         """
-        return self._process.ask("reset", (state,), self.time_limit)
+        if self._is_used:
+            try:
+                return self._process.ask("reset", (state,), self.time_limit)
+            except PlantError:
+                self._process.end()
+                self._begin()
+        began = self._process.ask("reset", (state,), self.time_limit)
+        self._is_used = True
+        return began
 
     def step(self, command: SteeringCommand, dt: float) -> VehicleState:
         """Step the plant behind.
@@ -77,6 +102,7 @@ class IsolatedPlant:
 
     def close(self) -> None:
         """End the process; what it holds, it closes before."""
+        self._is_used = False
         self._process.finish(self.time_limit)
 
     def __enter__(self) -> Self:
@@ -89,11 +115,11 @@ class IsolatedPlant:
 class _Process:
     """The other process, the connection to it, and a folder for what it unpacks: dead, it cleans up nothing."""
 
-    def __init__(self, serve: Callable[..., None], work: Callable[[], Any]):
-        self._folder = tempfile.TemporaryDirectory(prefix="sidestep-", ignore_cleanup_errors=True)
+    def __init__(self, serve: Callable[..., None], work: Callable[..., Any]):
+        self._folder = scratch_folder("process")
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
-        self.process = context.Process(target=_begin, args=(self._folder.name, serve, theirs, work), daemon=True)
+        self.process = context.Process(target=_begin, args=(str(self._folder), serve, theirs, work), daemon=True)
         self.process.start()
         theirs.close()
 
@@ -132,18 +158,19 @@ class _Process:
         self.connection.close()
         self.process.kill()
         self.process.join()
-        self._folder.cleanup()
+        discard(self._folder)
 
 
-def _begin(folder: str, serve: Callable[..., None], connection: Connection, work: Callable[[], Any]) -> None:
+def _begin(folder: str, serve: Callable[..., None], connection: Connection, work: Callable[..., Any]) -> None:
     tempfile.tempdir = folder
     serve(connection, work)
 
 
-def _call(connection: Connection, function: Callable[[], Any]) -> None:
+def _report(connection: Connection, function: Callable[[Report], None]) -> None:
     try:
-        connection.send((function(), None))
-    except Exception as error:  # whatever it is, the parent raises it
+        function(lambda kind, text: connection.send(((kind, text), None)))
+        connection.send((None, None))
+    except Exception as error:  # whatever it is, the parent tells it
         connection.send((None, _message(error)))
 
 

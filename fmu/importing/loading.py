@@ -5,9 +5,11 @@ import os
 import weakref
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
+from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import (
     FMU2Slave,
     defaultCallbacks,
@@ -85,6 +87,28 @@ def load_binary(path: Path, fmu: UnpackedFmu) -> FMU2Tolerant | FMU3Tolerant:
     return slave
 
 
+def end_instance(slave: FMU2Slave | FMU3Slave, on_call: Callable[[str], None]) -> None:
+    """Terminate and free the instance, if there is one; `on_call` hears the functions' names before."""
+    if slave.component:
+        on_call("fmi2Terminate" if isinstance(slave, FMU2Slave) else "fmi3Terminate")
+        with suppress(FMICallException, PlantError):
+            slave.terminate()
+        on_call("fmi2FreeInstance" if isinstance(slave, FMU2Slave) else "fmi3FreeInstance")
+    free_instance(slave)
+
+
+def free_instance(slave: FMU2Slave | FMU3Slave, may_call: bool = True) -> None:
+    """Forget the instance, if there is one, and free it; the library stays."""
+    component = slave.component
+    slave.component = None  # pyright: ignore[reportAttributeAccessIssue] (as fmpy itself begins)
+    if not (component and may_call):
+        return
+    if isinstance(slave, FMU2Slave):
+        slave.fmi2FreeInstance(component)
+    else:
+        slave.fmi3FreeInstance(component)
+
+
 _listeners: weakref.WeakValueDictionary[int, deque[str]] = weakref.WeakValueDictionary()
 
 
@@ -104,12 +128,12 @@ def fmi2_callbacks(messages: deque[str]) -> fmi2CallbackFunctions:
     return callbacks
 
 
-def _log(environment: int | None, name: bytes, status: int, category: bytes, message: bytes) -> None:
+def _log(environment: int | None, name: bytes, status: int, category: bytes, message: bytes | None) -> None:
     messages = _listeners.get(environment or 0)
     if messages is None:  # an FMU that somebody else runs in this process
-        printLogMessage(ctypes.c_void_p(environment), name, status, category, message)
+        printLogMessage(ctypes.c_void_p(environment), name, status, category, message or b"")
     else:
-        messages.append(message.decode(errors="replace"))
+        messages.append((message or b"").decode(errors="replace"))
 
 
 _logger = fmi2CallbackLoggerTYPE(_log)

@@ -2,7 +2,7 @@
 
 reference_point = -1.3                      # where the FMU's position is, ahead of the centre of gravity [m]
 estimate = ["yaw_rate", "v_y"]              # what it does not report and is to be worked out from the rest
-[inputs]                                    # what the FMU is told; those not named are not set
+[inputs]                                    # what the FMU gets; those not named are not set
 steer_angle = { variable = "HandWheel", unit = "deg", ratio = 16.0, sign = -1 }
 target_speed = { variable = "v_set", unit = "km/h" }
 [outputs]                                   # what it reports; those not named have our own names
@@ -10,6 +10,9 @@ x = "pos.x"
 [start]                                     # parameters that place it, so far as it has such
 v_x = { variable = "v0", unit = "km/h" }
 [parameters]                                # in the FMU's own units
+mass = 1500.0
+[vehicle]                                   # the car that it is, as in a scenario file
+preset = "bmw-320i"
 mass = 1500.0
 """
 
@@ -20,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.vehicle.table import vehicle_from_table
 
 OUTPUTS = ("x", "y", "yaw", "v_x", "v_y", "yaw_rate", "steer_angle")
 """Signals of `VehicleState`, but time, in its order."""
@@ -39,8 +43,10 @@ UNITS: dict[str, dict[str, float]] = {
 }
 """SI units per unit, by dimension."""
 
+_TABLES = ("inputs", "outputs", "start", "parameters", "vehicle")
+
 INPUTS = ("steer_angle", "target_speed", "acceleration", "throttle", "brake")
-"""Signals that an FMU may be told. The last three follow from the target speed by the speed control of our own
+"""Signals that an FMU may get as inputs. The last three follow from the target speed by the speed control of our own
 plants: wanted acceleration, its positive part, its negative part; all in [m/s^2]."""
 
 
@@ -73,9 +79,10 @@ class Mapping:
         inputs: By some of the names in `INPUTS`, the steering among them.
         outputs: By the names in `OUTPUTS`, but those in `estimate`.
         start: Parameters that set the start value, by some of the names in `OUTPUTS`.
-        parameters: Values by variable name, in the FMU's own units.
+        parameters: Values by variable name, in the FMU's own units: numbers, true and false, texts.
         estimate: Outputs that the FMU does not have, see `estimation`.
         reference_point: Where the FMU's position and velocity are taken, ahead of the centre of gravity, in [m].
+        vehicle: The car that it is, as the table `vehicle` of a scenario file; empty if it is not told.
     """
 
     inputs: dict[str, Signal] = field(
@@ -83,9 +90,10 @@ class Mapping:
     )
     outputs: dict[str, Signal] = field(default_factory=lambda: {name: Signal(name) for name in OUTPUTS})
     start: dict[str, Signal] = field(default_factory=lambda: {name: Signal(f"{name}_0") for name in OUTPUTS})
-    parameters: dict[str, float] = field(default_factory=dict)
+    parameters: dict[str, float | str] = field(default_factory=dict)
     estimate: tuple[str, ...] = ()
     reference_point: float = 0.0
+    vehicle: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if "steer_angle" not in self.inputs:
@@ -103,11 +111,11 @@ class Mapping:
         except (OSError, UnicodeDecodeError) as error:
             problem = error.strerror if isinstance(error, OSError) else str(error)
             raise InputError(str(path), f"{problem}") from error
-        return cls.from_text(text, str(path))
+        return cls.from_text(text, str(path), Path(path).parent)
 
     @classmethod
-    def from_text(cls, text: str, label: str = "mapping") -> "Mapping":
-        """A mapping from TOML text, which errors call `label`.
+    def from_text(cls, text: str, label: str = "mapping", folder: Path = Path()) -> "Mapping":
+        """A mapping from TOML text, which errors call `label`; files that it names are found from `folder`.
 
         Raises:
             InputError: A key or value in it cannot be used.
@@ -116,7 +124,7 @@ class Mapping:
             data = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise InputError(label, str(error)) from error
-        _known(label, data, ("inputs", "outputs", "start", "parameters", "estimate", "reference_point"))
+        _known(label, data, (*_TABLES, "estimate", "reference_point"))
         ours, missing = cls(), _estimated(label, data.get("estimate", []))
         outputs = ours.outputs | _signals(label, data, "outputs", OUTPUTS)
         try:
@@ -125,16 +133,36 @@ class Mapping:
                 outputs={name: signal for name, signal in outputs.items() if name not in missing},
                 start=_signals(label, data, "start", OUTPUTS),
                 parameters={
-                    name: _number(f"{label}: parameters.{name}", value, or_bool=True)
+                    name: value
+                    if isinstance(value, str)
+                    else _number(f"{label}: parameters.{name}", value, or_bool=True)
                     for name, value in _table(label, data, "parameters").items()
                 },
                 estimate=missing,
+                vehicle=_vehicle(_table(label, data, "vehicle"), folder),
                 reference_point=_number(f"{label}: reference_point", data.get("reference_point", 0.0)),
             )
         except InputError as error:
             raise error if error.where.startswith(label) else InputError(
                 f"{label}: {error.where}", error.problem, error.allowed
             ) from error  # fmt: skip
+
+
+def vehicle_table(path: Path) -> dict[str, Any]:
+    """The table `vehicle` of a mapping file, empty if it has none.
+
+    Raises:
+        InputError: The file cannot be read, or a key or value in it cannot be used.
+    """
+    return Mapping.from_file(path).vehicle
+
+
+def _vehicle(table: dict[str, Any], folder: Path) -> dict[str, Any]:
+    for key in ("file", "tyre_file"):
+        if isinstance(table.get(key), str):
+            table = table | {key: str((folder / table[key]).absolute())}
+    vehicle_from_table(table)
+    return table
 
 
 def _estimated(label: str, value: Any) -> tuple[str, ...]:

@@ -57,6 +57,7 @@ class FmuPlant:
         self._steps = 0
         self._signals: dict[str, float] = {}
         self._command = SteeringCommand(0.0, 0.0, 0.0)
+        self._standing: tuple[tuple[VehicleState, Mapping], VehicleState] | None = None
 
     @property
     def estimated(self) -> tuple[str, ...]:
@@ -86,7 +87,7 @@ class FmuPlant:
             CompilerError: The FMU is not built yet and there is no C compiler.
         """
         values = model_values(find_model(model), vehicle, friction) | parameters
-        return cls(build_fmu(model, fmi), Mapping(parameters=values))
+        return cls(build_fmu(model, fmi), Mapping(parameters={**values}))
 
     @classmethod
     def from_file(
@@ -111,7 +112,7 @@ class FmuPlant:
             plant = cls(path, Mapping(), vehicle)
             values = vehicle_values(vehicle) if vehicle else {}
             known = {name: value for name, value in values.items() if name in plant._fmu.variables}
-            plant.mapping = Mapping(parameters=known)
+            plant.mapping = Mapping(parameters={**known})
         else:
             plant = cls(path, mapping if isinstance(mapping, Mapping) else Mapping.from_file(mapping), vehicle)
         if not math.isclose(friction, 1.0):
@@ -128,11 +129,21 @@ class FmuPlant:
     def reset(self, state: VehicleState) -> VehicleState:
         """Start a new instance of the FMU at `state`, so far as the mapping has start parameters for it.
 
+        One that stands there already, not stepped since, is left alone: some FMUs start only once per process.
+
         Raises:
             PlantError: The state is not finite, or the FMU refuses it.
         """
         if not state.is_finite():
             raise PlantError(f"cannot start from a state that is not finite: {state}")
+        if self._standing and self._standing[0] == (state, self.mapping):
+            return self._standing[1]
+        began = self._begin(state)
+        self._standing = (state, self.mapping), began
+        return began
+
+    def _begin(self, state: VehicleState) -> VehicleState:
+        self._standing = None
         values, placed = dict(self.mapping.parameters), self._at_reference_point(state)
         for name, signal in self.mapping.start.items():
             values[signal.variable] = signal.from_signal(getattr(placed, name))
@@ -159,6 +170,7 @@ class FmuPlant:
             raise PlantError(f"{self.path.name}: step before reset")
         if not 0.0 < dt < math.inf:
             raise InputError("dt", f"{dt} s", "> 0")
+        self._standing = None
         self._hold(command)
         if dt != self._dt:
             self._origin, self._steps, self._dt = self._time, 0, dt
@@ -173,6 +185,7 @@ class FmuPlant:
 
     def close(self) -> None:
         """Free the FMU and remove what was unpacked."""
+        self._standing = None
         self._fmu.close()
 
     def __enter__(self) -> Self:

@@ -2,20 +2,24 @@
 
 import re
 from pathlib import Path
+from typing import NamedTuple
 
 from fmpy.model_description import ScalarVariable
 
 from sidestep.fmu.importing.archive import UnpackedFmu
-from sidestep.fmu.importing.mapping import DIMENSIONS, INPUTS, OUTPUTS, UNITS
+from sidestep.fmu.importing.mapping import DIMENSIONS, INPUTS, OUTPUTS
+from sidestep.fmu.importing.ports import FLOATS, elements
+from sidestep.fmu.importing.units import Scale, scale_of, unit_of, without_suffix
 
 _WORDS = {
-    "x": ("x", "xpos", "posx", "positionx", "xcg", "xposition", "sx", "tx", "x0"),
-    "y": ("y", "ypos", "posy", "positiony", "ycg", "yposition", "sy", "ty", "y0"),
-    "yaw": ("yaw", "psi", "heading", "yawangle", "rz", "yaw0", "psi0"),
+    "x": ("x", "xpos", "posx", "positionx", "xcg", "xposition", "sx", "tx", "x0", "position0", "pos0"),
+    "y": ("y", "ypos", "posy", "positiony", "ycg", "yposition", "sy", "ty", "y0", "position1", "pos1"),
+    "yaw": ("yaw", "psi", "theta", "heading", "yawangle", "rz", "yaw0", "psi0", "theta0", "position2", "pos2"),
     "v_x": ("vx", "vlong", "longitudinalvelocity", "vellong", "speedx", "velx", "vx0", "v", "v0", "speed"),
     "v_y": ("vy", "vlat", "lateralvelocity", "vellat", "speedy", "vely", "vy0"),
-    "yaw_rate": ("yawrate", "psidot", "psip", "yawvel", "yawvelocity", "omegaz", "wz", "dpsi", "yawrate0"),
-    "steer_angle": ("steerangle", "steer", "steering", "steeringangle", "delta", "deltaf", "roadwheelangle",
+    "yaw_rate": ("yawrate", "psidot", "psip", "yawvel", "yawvelocity", "omegaz", "wz", "dpsi",
+                 "thetadot", "r", "ra", "yawrate0"),
+    "steer_angle": ("steerangle", "steer", "steering", "steeringangle", "delta", "deltaf", "deltaw", "roadwheelangle",
                     "steeringwheelangle", "steeringwheel", "handwheel", "handwheelangle", "swa", "delta0",
                     "steeranglecommand", "steercmd", "deltacmd", "steerangle0"),
     "target_speed": ("targetspeed", "vset", "vref", "vtarget", "speedset", "setspeed", "desiredspeed", "speedref",
@@ -24,8 +28,6 @@ _WORDS = {
     "throttle": ("throttle", "gas", "gaspedal", "accelerator"),
     "brake": ("brake", "brakepedal", "braking"),
 }  # fmt: skip
-_SPELLINGS = {"°": "deg", "degree": "deg", "degrees": "deg", "kph": "km/h", "kmh": "km/h", "m.s-1": "m/s",
-              "rad.s-1": "rad/s", "°/s": "deg/s", "deg.s-1": "deg/s", "m/s^2": "m/s2", "m.s-2": "m/s2"}  # fmt: skip
 _HAND_WHEEL = re.compile(r"hand|swa|steering_?wheel", re.IGNORECASE)
 _SECTIONS = {"inputs": (INPUTS, ("input",)), "outputs": (OUTPUTS, ("output", "local")),
              "start": (OUTPUTS, ("parameter",))}  # fmt: skip
@@ -49,6 +51,8 @@ def describe(fmu: UnpackedFmu) -> str:
         lines.append(f"steps by multiples of {fmu.fixed_step:g} s only")
     elif experiment and experiment.stepSize:
         lines.append(f"default step {float(experiment.stepSize):g} s")
+    if fmu.remark:
+        lines.append(fmu.remark)
     for variable in fmu.variables.values():
         start = "" if variable.start is None else f"= {variable.start}"
         text = f"  {variable.causality or 'local':12}{variable.type:9}{variable.name:32}{unit_of(variable):8}{start}"
@@ -66,7 +70,7 @@ def propose_mapping(fmu: UnpackedFmu, path: Path) -> str:
         lines.append(f"estimate = {estimate!r}  # not found among its outputs".replace("'", '"'))
     for section, rows in found.items():
         lines += ["", f"[{section}]"]
-        lines += [f"{name} = {_row(name, variable, section)}" for name, variable in rows.items()]
+        lines += [f"{name} = {_row(fmu, name, candidate, section)}" for name, candidate in rows.items()]
         if section == "inputs" and "steer_angle" not in rows:
             lines.append('# steer_angle = "?"  # not found: what steers the car?')
         if section == "outputs":
@@ -74,45 +78,55 @@ def propose_mapping(fmu: UnpackedFmu, path: Path) -> str:
     return "\n".join(lines) + "\n"
 
 
-def unit_of(variable: ScalarVariable) -> str:
-    """Unit of a variable in our spelling; empty if it has none."""
-    unit = variable.unit or getattr(variable.declaredType, "unit", None) or ""
-    return _SPELLINGS.get(unit, unit)
+class _Candidate(NamedTuple):
+    """A variable, or an element of an array, by its name in a mapping file."""
+
+    name: str
+    variable: ScalarVariable
 
 
-def _section(fmu: UnpackedFmu, names: tuple[str, ...], causalities: tuple[str, ...]) -> dict[str, ScalarVariable]:
-    candidates = [v for v in fmu.variables.values() if v.causality in causalities and v.type in ("Real", "Float64")]
-    candidates.sort(key=lambda v: causalities.index(v.causality))
-    found: dict[str, ScalarVariable] = {}
+def _section(fmu: UnpackedFmu, names: tuple[str, ...], causalities: tuple[str, ...]) -> dict[str, _Candidate]:
+    fitting_types = [v for v in fmu.variables.values() if v.causality in causalities and v.type in FLOATS]
+    candidates = [_Candidate(name, v) for v in fitting_types for name in elements(v)]
+    found: dict[str, _Candidate] = {}
     for name in names:
-        fitting = [(rank, v) for v in candidates if (rank := _rank(name, v)) is not None and v not in found.values()]
-        if fitting:
-            found[name] = min(fitting, key=lambda pair: pair[0])[1]
+        left = [candidate for candidate in candidates if candidate not in found.values()]
+        ranked = [  # an output before a variable that only happens to be called so
+            (causalities.index(str(c.variable.causality)), rank, c)
+            for c in left
+            if (rank := _rank(fmu, name, c)) is not None
+        ]
+        if ranked:
+            found[name] = min(ranked, key=lambda row: row[:2])[2]
     if "target_speed" in found:  # one way to drive is enough
-        found = {name: v for name, v in found.items() if name not in ("acceleration", "throttle", "brake")}
+        found = {name: c for name, c in found.items() if name not in ("acceleration", "throttle", "brake")}
     return found
 
 
-def _rank(name: str, variable: ScalarVariable) -> int | None:
+def _rank(fmu: UnpackedFmu, name: str, candidate: _Candidate) -> int | None:
     """How well a variable's name fits a signal, 0 best; None for not at all, or another dimension."""
-    unit, words = unit_of(variable), _WORDS[name]
-    if unit not in ("", "1") and unit not in UNITS[DIMENSIONS[name]]:
+    if scale_of(fmu.description, candidate.variable, DIMENSIONS[name]) is None:
         return None
-    whole, last = (re.sub(r"[^a-z0-9]", "", text.lower()) for text in (variable.name, variable.name.split(".")[-1]))
-    for rank, candidate in ((0, whole), (len(words), last)):
-        if candidate in words:
-            return rank + words.index(candidate)
+    words, plain = _WORDS[name], without_suffix(candidate.name)
+    whole, last = (re.sub(r"[^a-z0-9]", "", text.lower()) for text in (plain, plain.split(".")[-1]))
+    for rank, spelled in ((0, whole), (len(words), last)):
+        if spelled in words:
+            return rank + words.index(spelled)
     return None
 
 
-def _row(name: str, variable: ScalarVariable, section: str) -> str:
-    unit, keys, comment = unit_of(variable), [f'variable = "{variable.name}"'], ""
-    if unit in UNITS[DIMENSIONS[name]]:
-        keys.append(f'unit = "{unit}"')
-    if name == "steer_angle" and _HAND_WHEEL.search(variable.name):
+def _row(fmu: UnpackedFmu, name: str, candidate: _Candidate, section: str) -> str:
+    variable, keys, comment = candidate.variable, [f'variable = "{candidate.name}"'], ""
+    scale = scale_of(fmu.description, variable, DIMENSIONS[name]) or Scale()
+    if scale.unit:
+        keys.append(f'unit = "{scale.unit}"')
+    elif scale != Scale():
+        keys += [f"scale = {scale.scale!r}"] + ([f"offset = {scale.offset!r}"] if scale.offset else [])
+        comment = f"  # {unit_of(variable)}, by the file's own definition"
+    if name == "steer_angle" and _HAND_WHEEL.search(candidate.name):
         keys.append("ratio = 16.0")
         comment = "  # steering-wheel angle per road-wheel angle: check"
-    elif name == "steer_angle" and section == "inputs" and unit in ("", "1") and _is_normalised(variable):
+    elif name == "steer_angle" and section == "inputs" and scale == Scale() and _is_normalised(variable):
         keys.append("full_lock = 0.6")
         comment = "  # road-wheel angle at 1 [rad]: check"
     elif name in ("throttle", "brake"):

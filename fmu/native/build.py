@@ -2,9 +2,7 @@
 
 import hashlib
 import io
-import os
 import string
-import tempfile
 import uuid
 import zipfile
 from collections.abc import Sequence
@@ -16,6 +14,7 @@ from sidestep.fmu.description.expected_output import expected_output
 from sidestep.fmu.description.icon import draw_icon
 from sidestep.fmu.description.model_description import build_description, model_description, variable_rows
 from sidestep.fmu.description.variables import Model, c_header
+from sidestep.fmu.native.cache import cache_folder, cached, write_whole
 from sidestep.fmu.native.plants import find_model
 from sidestep.fmu.native.platforms import (
     HOST,
@@ -26,6 +25,7 @@ from sidestep.fmu.native.platforms import (
     compiler_version,
     find_compiler,
 )
+from sidestep.fmu.scratch import discard, scratch_folder
 from sidestep.plant_models.errors import InputError
 
 _FOLDER = Path(__file__).parent
@@ -80,16 +80,17 @@ def build_model(
     recipes = [_recipe(platform) for platform in platforms]
     contents = _contents(model, fmi) | {f"resources/{name}": data for name, data in (resources or {}).items()}
     key = _digest(contents | {"recipes": repr(recipes).encode()})
-    file = _cache_folder() / f"{model.identifier}-fmi{fmi}-{key}.fmu"
-    if not file.exists():
+
+    def pack() -> bytes:
         for platform, recipe in zip(platforms, recipes, strict=True):
             library = _library(model, platform, _digest(source_files(model) | {"recipe": recipe.encode()}))
             folder = platform.fmi2 if fmi == 2 else platform.fmi3
             contents[f"binaries/{folder}/{model.identifier}{platform.suffix}"] = library.read_bytes()
         if not model.needs_tool:
             contents["documentation/expected_output.csv"] = _expected_output(model, contents)
-        _write(file, _archive(contents))
-    return file
+        return _archive(contents)
+
+    return cached(f"{model.identifier}-fmi{fmi}-{key}", ".fmu", pack)
 
 
 def _recipe(platform: Platform) -> str:
@@ -98,10 +99,13 @@ def _recipe(platform: Platform) -> str:
 
 
 def _expected_output(model: Model, contents: dict[str, bytes]) -> bytes:
-    with tempfile.TemporaryDirectory() as folder:
-        draft = Path(folder, f"{model.identifier}.fmu")
+    folder = scratch_folder("build")
+    try:
+        draft = folder / f"{model.identifier}.fmu"
         draft.write_bytes(_archive(contents))
         return expected_output(draft, model)
+    finally:
+        discard(folder)
 
 
 def write_to(out: Path, data: bytes) -> Path:
@@ -114,7 +118,7 @@ def write_to(out: Path, data: bytes) -> Path:
         if out.exists() and not out.is_file():
             out.write_bytes(data)
         else:
-            _write(out, data)
+            write_whole(out, data)
     except OSError as error:
         raise InputError(str(out), f"cannot be written: {error.strerror}") from error
     return out
@@ -171,38 +175,20 @@ def _archive(files: dict[str, bytes]) -> bytes:
 
 def _library(model: Model, platform: Platform, key: str) -> Path:
     """The compiled binary, one for both standards."""
-    library = _cache_folder() / f"{model.identifier}-{key}{platform.suffix}"
-    if not library.exists():
-        with tempfile.TemporaryDirectory(dir=library.parent) as folder:
+
+    def build() -> bytes:
+        folder = scratch_folder("build", cache_folder())
+        try:
             for name, data in source_files(model).items():
-                Path(folder, name).write_bytes(data)
-            output = Path(folder, "output", library.name)
+                (folder / name).write_bytes(data)
+            output = folder / "output" / f"{model.identifier}{platform.suffix}"
             output.parent.mkdir()
-            compile_library(Path(folder), output, platform=platform)
-            output.replace(library)
-    return library
+            compile_library(folder, output, platform=platform)
+            return output.read_bytes()
+        finally:
+            discard(folder)
 
-
-def _cache_folder() -> Path:
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    folder = Path(base, "sidestep")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError("XDG_CACHE_HOME", f"{folder} cannot be made: {error.strerror}") from error
-    if not os.access(folder, os.W_OK):
-        raise InputError("XDG_CACHE_HOME", f"{folder} cannot be written")
-    return folder
-
-
-def _write(file: Path, data: bytes) -> None:
-    """Write in one go: another process sees no file or the whole file."""
-    fresh = file.with_name(f"{file.name}.{os.getpid()}")
-    try:
-        fresh.write_bytes(data)
-        fresh.replace(file)
-    finally:
-        fresh.unlink(missing_ok=True)
+    return cached(f"{model.identifier}-{key}", platform.suffix, build)
 
 
 def _digest(files: dict[str, bytes]) -> str:

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 from sidestep.fmu.description.variables import MOTION, Model, Variable
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.speed_control import SPEED_GAIN
-from sidestep.plant_models.vehicle.parameters import SuspensionParameters, VehicleParameters
+from sidestep.plant_models.vehicle.parameters import AXLES, VehicleParameters
+from sidestep.plant_models.vehicle.suspension import SuspensionParameters
 
 # name, unit, description
 _ROLL = (
@@ -13,7 +14,7 @@ _ROLL = (
     ("roll_rate", "rad/s", "Roll rate, positive to the right"),
 )
 _STEERING = ("steer_angle", "rad", "Realised road-wheel angle, as a sensor at the steering rack reports it")
-_AXLES, _WHEELS = ("front", "rear"), ("front left", "front right", "rear left", "rear right")
+_WHEELS = ("front left", "front right", "rear left", "rear right")
 
 _DERIVATIVE_UNIT = {"": "1/s", "m": "m/s", "rad": "rad/s", "m/s": "m/s2", "rad/s": "rad/s2"}
 
@@ -40,6 +41,8 @@ _SUSPENSION = (
     ("roll_inertia", "kg.m2", "Roll inertia about the centre of gravity", 1.0),
     ("track_front", "m", "Track width of the front axle", 0.001),
     ("track_rear", "m", "Track width of the rear axle", 0.001),
+    ("roll_centre_front", "m", "Height of the roll centre of the front axle", 0.0),
+    ("roll_centre_rear", "m", "Height of the roll centre of the rear axle", 0.0),
     ("roll_stiffness_front", "N.m/rad", "Roll stiffness of the front axle, springs and anti-roll bar", 0.0),
     ("roll_stiffness_rear", "N.m/rad", "Roll stiffness of the rear axle, springs and anti-roll bar", 0.0),
     ("roll_damping_front", "N.m.s/rad", "Roll damping of the front axle", 0.0),
@@ -67,6 +70,10 @@ _TYRE = (
     ("p_vy2", "", "Its change with load", None),
     ("relaxation_y", "m", "Lateral relaxation length", 0.001),
 )
+_SCALE = (
+    ("scale_front", "", "Factor on the cornering stiffness of the front tyres", 0.0),
+    ("scale_rear", "", "Factor on the cornering stiffness of the rear tyres", 0.0),
+)
 
 INTERNAL_STEP = {"single-track": 0.005, "double-track": 0.005, "linear": 0.002}
 """Largest integration step, in [s]: an error of 1e-8 to 1e-6, 1e-5 where a limit begins to act within a step."""
@@ -76,6 +83,7 @@ def vehicle_values(vehicle: VehicleParameters) -> dict[str, float]:
     """The car's numbers by the parameter names of all plants, in SI units."""
     values = {name: getattr(vehicle, name) for name, *_ in (*_VEHICLE, _CG_HEIGHT, *_STIFFNESS)}
     values |= {f"tyre.{name}": getattr(vehicle.tyre, name) for name, *_ in _TYRE}
+    values |= {f"tyre.scale_{axle}": vehicle.tyre_scale(axle) for axle in AXLES}
     return values | (_suspension_values(vehicle.suspension) if vehicle.suspension else {})
 
 
@@ -93,8 +101,8 @@ def model_values(model: Model, vehicle: VehicleParameters, friction: float) -> d
 
 
 def _suspension_values(car: SuspensionParameters) -> dict[str, float]:
-    values = {name: getattr(car, name) for name, *_ in _SUSPENSION[:3]}
-    for axle in _AXLES:
+    values = {name: getattr(car, name) for name, *_ in _SUSPENSION[:5]}
+    for axle in AXLES:
         values[f"roll_stiffness_{axle}"], values[f"roll_damping_{axle}"] = car.roll_of_axle(axle)
     return values
 
@@ -150,7 +158,7 @@ def _on_tyres(
     yield from _slip_angles(places)
     yield from further
     yield from _parameters((*_VEHICLE, _CG_HEIGHT, *(_SUSPENSION if roll else ())))
-    yield from _parameters(_TYRE, "tyre.")
+    yield from _parameters((*_TYRE, *_SCALE), "tyre.")
     yield Variable("friction", "tunable", "", "Road friction as a factor on the tyres' peak", 1.0, 0.0)
     yield from _settings(model)
 
@@ -171,7 +179,7 @@ MODELS = {
         Model(
             "single-track",
             "Nonlinear single-track car: Magic-Formula tyres with relaxation, load transfer, steering actuator",
-            tuple(_on_tyres("single-track", (), _AXLES)),
+            tuple(_on_tyres("single-track", (), AXLES)),
             (*_TYRE_FILES, "single_track.c"),
             "single_track",
         ),

@@ -6,6 +6,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -83,14 +84,20 @@ def find_compiler(platform: Platform = HOST) -> list[str]:
     raise CompilerError(f"no C compiler: {command[0]!r} is not on the PATH; {_WAYS_OUT}")
 
 
-def compile_library(sources: Path, output: Path, flags: tuple[str, ...] = (), platform: Platform = HOST) -> None:
-    """Compile every C file of a folder into one shared library, with further compiler flags.
+def compile_library(
+    sources: Path,
+    output: Path,
+    flags: tuple[str, ...] = (),
+    platform: Platform = HOST,
+    files: Sequence[Path] = (),
+) -> None:
+    """Compile every C file of a folder, or those that are named, into one shared library, with further compiler flags.
 
     Raises:
         CompilerError: No compiler, or it failed: the first lines of what it said.
     """
-    files = sorted(str(file) for file in sources.glob("*.c"))
-    command = [*compiler_call(platform), *flags, f"-I{sources}", *files, "-o", str(output), "-lm"]
+    names = sorted(str(file) for file in files or sources.glob("*.c"))
+    command = [*compiler_call(platform), *flags, f"-I{sources}", *names, "-o", str(output), "-lm"]
     result = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
     if result.returncode != 0:
         said = "; ".join(result.stderr.strip().splitlines()[:4]) or f"exit status {result.returncode}"

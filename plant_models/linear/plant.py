@@ -11,9 +11,9 @@ from dataclasses import replace
 from typing import Self
 
 import numpy as np
-from numba import njit
 
 from sidestep.plant_models.errors import InputError, PlantError
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.speed_control import limited_acceleration
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
@@ -112,8 +112,8 @@ class LinearPlant:
         self.close()
 
 
-@njit(cache=True, nogil=True)
-def steered(steer, command, elapsed, time_constant, rate_limit):
+@kernel
+def steered(steer: float, command: float, elapsed: float, time_constant: float, rate_limit: float) -> float:
     """Road-wheel angle [rad] after `elapsed` seconds of a first-order lag behind a rate limit; exact."""
     gap = command - steer
     lag = rate_limit * time_constant
@@ -127,7 +127,7 @@ def steered(steer, command, elapsed, time_constant, rate_limit):
     return command if elapsed > 0.0 else steer
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def advance(motion, steer, command, target_speed, dt, substeps, p):
     """Runge-Kutta 4 over `dt`.
 
@@ -160,7 +160,7 @@ def advance(motion, steer, command, target_speed, dt, substeps, p):
     return steer
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _slope(motion, steer, target_speed, p, slope):
     yaw, v_x, v_y, yaw_rate = motion[2], motion[3], motion[4], motion[5]
     mass, inertia, l_f, l_r, stiffness_f, stiffness_r = p[0], p[1], p[2], p[3], p[4], p[5]

@@ -1,9 +1,11 @@
 """Masses and places of the MuJoCo car's bodies, from the vehicle data: four wheel stations and what they carry."""
 
+import math
 from dataclasses import dataclass
 
 from sidestep.plant_models.errors import InputError
-from sidestep.plant_models.vehicle.parameters import GRAVITY, SuspensionParameters, VehicleParameters
+from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
+from sidestep.plant_models.vehicle.suspension import SuspensionParameters
 
 WHEELS = ("fl", "fr", "rl", "rr")
 """Front left, front right, rear left, rear right: the order of everything that comes in fours."""
@@ -22,6 +24,7 @@ class Corner:
         height: Wheel centre above the road at that load, in [m].
         mass: Unsprung mass, in [kg].
         spring, damper: Wheel rate in [N/m], damping in [N s/m].
+        roll_centre: Height of the axle's roll centre above the road, in [m].
     """
 
     name: str
@@ -32,6 +35,13 @@ class Corner:
     mass: float
     spring: float
     damper: float
+    roll_centre: float
+
+    @property
+    def slide_axis(self) -> tuple[float, float]:
+        """Direction, y and z, in which the wheel moves up: square to the line from its patch to the roll centre."""
+        length = math.hypot(self.roll_centre, self.y)
+        return math.copysign(self.roll_centre, self.y) / length, abs(self.y) / length
 
 
 def suspension_of(vehicle: VehicleParameters) -> SuspensionParameters:
@@ -66,6 +76,7 @@ def corners(vehicle: VehicleParameters) -> tuple[Corner, ...]:
                 mass=(data.unsprung_mass_front if front else data.unsprung_mass_rear) / 2.0,
                 spring=data.spring_front if front else data.spring_rear,
                 damper=data.damper_front if front else data.damper_rear,
+                roll_centre=data.roll_centre_front if front else data.roll_centre_rear,
             )
         )
     return tuple(result)

@@ -18,7 +18,8 @@ from sidestep.plant_models.mujoco.looks import add_cabin, add_looks
 from sidestep.plant_models.mujoco.surface import HeightField, Surface
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.tyres.contact import STATE, TYRE_MODES
-from sidestep.plant_models.vehicle.parameters import GRAVITY, SuspensionParameters, VehicleParameters
+from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
+from sidestep.plant_models.vehicle.suspension import SuspensionParameters
 
 # Ours: what the CommonRoad sets lack. It hardly shows in the motion of the car.
 _TYRE_WIDTH = 0.205  # [m]
@@ -133,9 +134,10 @@ def _add_corner(spec: mujoco.MjSpec, chassis: mujoco.MjsBody, corner: Corner, ve
     wheel.explicitinertial = True
     wheel.mass, wheel.ipos = corner.mass, [0.0, 0.0, 0.0]
     wheel.inertia = [upright_inertia(data), data.wheel_spin_inertia, upright_inertia(data)]
-    slide = wheel.add_joint(name=f"suspension_{name}", type=mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
-    slide.stiffness[0], slide.damping[0] = corner.spring, corner.damper
-    slide.springref = (corner.mass * GRAVITY - corner.load) / corner.spring  # preload: rest is at zero
+    across, up = corner.slide_axis
+    slide = wheel.add_joint(name=f"suspension_{name}", type=mjtJoint.mjJNT_SLIDE, axis=[0, across, up])
+    slide.stiffness[0], slide.damping[0] = up**2 * corner.spring, up**2 * corner.damper  # rates are the wheel's, upward
+    slide.springref = (corner.mass * GRAVITY - corner.load) / (up * corner.spring)  # preload: rest is at zero
     slide.limited, slide.range = mujoco.mjtLimited.mjLIMITED_TRUE, [-_TRAVEL, _TRAVEL]
     if name[0] == "f":
         wheel.add_joint(name=f"steer_{name}", type=mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
@@ -149,14 +151,14 @@ def _add_corner(spec: mujoco.MjSpec, chassis: mujoco.MjsBody, corner: Corner, ve
 
 
 def _add_anti_roll_bars(spec: mujoco.MjSpec, data: SuspensionParameters) -> None:
-    for axle, stiffness, track in (
-        ("f", data.anti_roll_front, data.track_front),
-        ("r", data.anti_roll_rear, data.track_rear),
+    for axle, stiffness, track, centre in (
+        ("f", data.anti_roll_front, data.track_front, data.roll_centre_front),
+        ("r", data.anti_roll_rear, data.track_rear, data.roll_centre_rear),
     ):
         bar = spec.add_tendon(name=f"anti_roll_{axle}")
         bar.wrap_joint(f"suspension_{axle}l", 1.0)
         bar.wrap_joint(f"suspension_{axle}r", -1.0)
-        bar.stiffness[0] = stiffness / track**2
+        bar.stiffness[0] = stiffness / (track**2 + 4.0 * centre**2)  # of travel along the slides
         bar.springlength = [0.0, 0.0]
 
 

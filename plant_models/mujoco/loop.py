@@ -2,20 +2,20 @@
 
 Between `mj_step1` (positions, velocities, contacts) and `mj_step2` (forces, motion) the tyres, the speed
 control and the steering act. MuJoCo's own two C functions are linked by name, so that a whole control
-period is one compiled call that holds no lock and can be cached.
+period is one compiled call that holds no lock and can be cached; they are those of `library`'s copy.
 """
 
 import ctypes
 import math
-from pathlib import Path
 from typing import Any
 
 import llvmlite.binding as llvm
-import mujoco
 import numpy as np
-from numba import config, njit, types
+from numba import config, types
 
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.linear.plant import steered
+from sidestep.plant_models.mujoco.library import load_own_copy
 from sidestep.plant_models.speed_control import limited_acceleration
 from sidestep.plant_models.tyres.contact import PATCH, dot, tyres
 
@@ -24,39 +24,30 @@ _SLIP_RELEASE = 0.2  # slip at which drive and brakes let go (anti-lock)
 _HOLD_SPEED, _HOLD_TARGET = 0.1, 0.05  # brakes hold the car below the one when the other is asked, [m/s]
 _ABSURD = 1e5  # no joint moves that fast, [m/s] or [rad/s]
 
-_FOLDER = Path(mujoco.__file__).parent
-_LIBRARY = str(next(file for pattern in ("libmujoco*", "mujoco.dll") for file in _FOLDER.glob(pattern)))
-_CLOCK = ctypes.c_void_p.in_dll(ctypes.CDLL(_LIBRARY), "mjcb_time")
+_LIBRARY = load_own_copy()
 
 
 def _native(name: str) -> Any:
     """MuJoCo's C function of (mjModel*, mjData*), as compiled or, without numba, as plain Python calls it."""
+    function = getattr(_LIBRARY, name)
     if config.DISABLE_JIT:  # pyright: ignore[reportAttributeAccessIssue]  (numba fills config at run time)
-        function = getattr(ctypes.CDLL(_LIBRARY), name)
         function.argtypes, function.restype = [ctypes.c_void_p, ctypes.c_void_p], None
         return function
-    llvm.load_library_permanently(_LIBRARY)
-    return types.ExternalFunction(name, types.void(types.intp, types.intp))
+    own_name = f"sidestep_{name}"
+    llvm.add_symbol(own_name, ctypes.cast(function, ctypes.c_void_p).value)
+    return types.ExternalFunction(own_name, types.void(types.intp, types.intp))
 
 
 _mj_step1, _mj_step2 = _native("mj_step1"), _native("mj_step2")
 
 
-def stop_the_clock() -> None:
-    """Keep MuJoCo from reading the clock in its steps, in the whole process.
-
-    It does so 32 times a step for the profile in `MjData.timer`, which takes a tenth of the step.
-    """
-    _CLOCK.value = None
-
-
-@njit(cache=True, nogil=True)
-def ackermann(angle, offset):
+@kernel
+def ackermann(angle: float, offset: float) -> float:
     """Angle of a wheel whose kingpin is `offset` wheelbases left of the axle's middle, in [rad]."""
     return math.atan2(math.sin(angle), math.cos(angle) - offset * math.sin(angle))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _wheel_torques(dt, car, state, qvel, ctrl):
     """Speed hold: drive on the rear axle, brakes on all wheels by their load, both within the grip."""
     target, speed = state["target_speed"], state["planar"][3]
@@ -82,7 +73,7 @@ def _wheel_torques(dt, car, state, qvel, ctrl):
         ctrl[2 + i] = min(max(stop, -limit), limit)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _steer(dt, car, state, ctrl):
     """Advance the steering actuator and lead the servos so that the hinges follow it without a lag."""
     before = state["steer_angle"]
@@ -95,7 +86,7 @@ def _steer(dt, car, state, ctrl):
         offset = -offset
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def observe(cars, states, qpos, qvel):
     """Write the planar state of the total centre of gravity to `planar` of the state.
 
@@ -105,18 +96,24 @@ def observe(cars, states, qpos, qvel):
     w, x, y, z = qpos[3], qpos[4], qpos[5], qpos[6]
     row_x = (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y))
     row_y = (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x))
-    height = climb = 0.0  # of the centre of gravity in the chassis frame, by suspension travel
+    height = climb = aside = drift = 0.0  # of the centre of gravity in the chassis frame, by suspension travel
     for i in range(4):
-        height += car["unsprung"][i] * qpos[car["slide"][i, 0]] / car["mass"]
-        climb += car["unsprung"][i] * qvel[car["slide"][i, 1]] / car["mass"]
-    relative = (height * qvel[4], -height * qvel[3], climb)
+        travel = car["unsprung"][i] * qpos[car["slide"][i, 0]] / car["mass"]
+        speed = car["unsprung"][i] * qvel[car["slide"][i, 1]] / car["mass"]
+        aside, height = aside + car["slide_axis"][i, 0] * travel, height + car["slide_axis"][i, 1] * travel
+        drift, climb = drift + car["slide_axis"][i, 0] * speed, climb + car["slide_axis"][i, 1] * speed
+    relative = (
+        height * qvel[4] - aside * qvel[5],
+        drift - height * qvel[3],
+        climb + aside * qvel[3],
+    )
     v_x, v_y = qvel[0] + dot(row_x, relative), qvel[1] + dot(row_y, relative)
     yaw = math.atan2(row_y[0], row_x[0])
     cos, sin = math.cos(yaw), math.sin(yaw)
     turn_x = row_x[1] * qvel[5] - row_x[2] * qvel[4]  # rate of the chassis' x axis
     turn_y = row_y[1] * qvel[5] - row_y[2] * qvel[4]
-    planar[0] = qpos[0] + row_x[2] * height
-    planar[1] = qpos[1] + row_y[2] * height
+    planar[0] = qpos[0] + row_x[1] * aside + row_x[2] * height
+    planar[1] = qpos[1] + row_y[1] * aside + row_y[2] * height
     planar[2] += (yaw - planar[2] + math.pi) % (2.0 * math.pi) - math.pi
     planar[3], planar[4] = cos * v_x + sin * v_y, cos * v_y - sin * v_x
     planar[5] = (row_x[0] * turn_y - row_y[0] * turn_x) / (row_x[0] ** 2 + row_y[0] ** 2)
@@ -125,7 +122,7 @@ def observe(cars, states, qpos, qvel):
     planar[6] = 0.5 * (ackermann(left, -offset) + ackermann(right, offset))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _is_sane(qvel):
     """Whether no velocity is NaN or absurd: MuJoCo would go on and fill the screen with warnings."""
     total = 0.0
@@ -134,7 +131,7 @@ def _is_sane(qvel):
     return total < _ABSURD**2
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def advance(
     steps, dt, model, data, cars, states, sensors, xipos, xmat, qpos, qvel, qfrc, ctrl, mocap_pos, pairs, damping,
     track, patches,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.mujoco.bodies import WHEELS, corners, suspension_of
 from sidestep.plant_models.mujoco.car import TYRE_DAMPING, car_spec, damping_scale, fill_delay_lines
-from sidestep.plant_models.mujoco.loop import ackermann, advance, observe, stop_the_clock
+from sidestep.plant_models.mujoco.loop import ackermann, advance, observe
 from sidestep.plant_models.mujoco.surface import Surface, patch_table
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road.reference_path import ReferencePath
@@ -64,7 +64,6 @@ class MujocoPlant:
             raise InputError("plant.friction", f"{friction}", "> 0")
         if not 0.0 < time_step <= 5e-3:
             raise InputError("plant.time_step", f"{time_step} s", "0 < value <= 0.005")
-        stop_the_clock()
         self._surface = surface = surface or Surface()
         self.model = car_spec(vehicle, obstacles, tyre, surface).compile()
         self.data = d = mujoco.MjData(self.model)
@@ -274,6 +273,7 @@ def _record(vehicle: VehicleParameters, model: mujoco.MjModel, friction: float) 
     places = {joint.name: (joint.qposadr[0], joint.dofadr[0]) for joint in joints}
     values = {
         "tyre": vehicle.tyre.as_array(),
+        "tyre_scale": [vehicle.tyre_scale(axle) for axle in ("front", "front", "rear", "rear")],
         "friction": friction,
         "gravity": model.opt.gravity,
         "damping_scale": damping_scale(model),
@@ -292,6 +292,7 @@ def _record(vehicle: VehicleParameters, model: mujoco.MjModel, friction: float) 
         "chassis": model.body("chassis").id,
         "wheel": [model.body(f"wheel_{name}").id for name in WHEELS],
         "spin": [places[f"spin_{name}"][1] for name in WHEELS],
+        "slide_axis": [corner.slide_axis for corner in corners(vehicle)],
         "slide": [places[f"suspension_{name}"] for name in WHEELS],
         "steer": [places[f"steer_{name}"] for name in WHEELS[:2]],
     }

@@ -5,13 +5,17 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.ranges import Range, check
 from sidestep.plant_models.road.reference_path import ReferencePath
 from sidestep.plant_models.vehicle.parameters import GRAVITY
+
+_HIGHEST = 1e3  # of a bump, in [m]
 
 
 @dataclass(frozen=True)
@@ -25,20 +29,15 @@ class FrictionPatch:
         heading: Relative to the road's direction at s, in [rad].
     """
 
-    s: float
-    l: float  # noqa: E741 (the paper's letter)
-    length: float
-    width: float
-    friction: float
-    heading: float = 0.0
+    s: Annotated[float, Range(-1e6, 1e6, "m")]
+    l: Annotated[float, Range(-1e4, 1e4, "m")]  # noqa: E741 (the paper's letter)
+    length: Annotated[float, Range(0.001, 1e4, "m")]
+    width: Annotated[float, Range(0.001, 1e4, "m")]
+    friction: Annotated[float, Range(0.001, 10.0)]
+    heading: Annotated[float, Range(-100.0, 100.0, "rad")] = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("s", "l", "heading"):
-            if not math.isfinite(getattr(self, name)):
-                raise InputError(f"patch.{name}", f"{getattr(self, name)}", "a finite number")
-        for name in ("length", "width", "friction"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise InputError(f"patch.{name}", f"{getattr(self, name)}", "> 0")
+        check(self, "patch")
 
 
 @dataclass(frozen=True)
@@ -52,15 +51,16 @@ class HeightField:
     """
 
     heights: NDArray[np.float64]
-    spacing: float
-    x: float = 0.0
-    y: float = 0.0
+    spacing: Annotated[float, Range(0.001, 1e4, "m")]
+    x: Annotated[float, Range(-1e6, 1e6, "m")] = 0.0
+    y: Annotated[float, Range(-1e6, 1e6, "m")] = 0.0
 
     def __post_init__(self) -> None:
         if self.heights.ndim != 2 or min(self.heights.shape) < 2 or not np.isfinite(self.heights).all():
             raise InputError("heights", f"shape {self.heights.shape}", "a matrix of finite numbers, at least 2 x 2")
-        if not 0.0 < self.spacing < math.inf:
-            raise InputError("heights.spacing", f"{self.spacing} m", "> 0")
+        if np.abs(self.heights).max() > _HIGHEST:
+            raise InputError("heights", f"{np.abs(self.heights).max()} m", f"at most {_HIGHEST:g} m up or down")
+        check(self, "heights")
 
     @classmethod
     def from_csv(cls, path: str | Path, spacing: float, x: float = 0.0, y: float = 0.0) -> "HeightField":
@@ -97,15 +97,13 @@ class Surface:
         heights: Bumps on that plane; None for none.
     """
 
-    grade: float = 0.0
-    bank: float = 0.0
+    grade: Annotated[float, Range(-1.0, 1.0)] = 0.0
+    bank: Annotated[float, Range(-1.0, 1.0)] = 0.0
     patches: Sequence[FrictionPatch] = field(default=())
     heights: HeightField | None = None
 
     def __post_init__(self) -> None:
-        for name in ("grade", "bank"):
-            if not abs(getattr(self, name)) <= 1.0:
-                raise InputError(f"plant.{name}", f"{getattr(self, name)}", "-1 ... 1")
+        check(self, "plant")
 
     @property
     def gravity(self) -> tuple[float, float, float]:

@@ -9,8 +9,9 @@ holds from its s to that of the next. `period` is the length of a closed path an
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from sidestep.plant_models.kernels import kernel
 
 Array = NDArray[np.float64]
 
@@ -30,8 +31,8 @@ _NODES += 0.5
 _BLOCK = 16  # pieces that the search for the nearest point rules out at once
 
 
-@njit(cache=True, nogil=True)
-def advance(heading, curvature, sharpness, u):
+@kernel
+def advance(heading: float, curvature: float, sharpness: float, u: float) -> tuple[float, float]:
     """Way (dx, dy) along a clothoid that starts with `heading` and `curvature`, after arc length `u`, in [m]."""
     dx = dy = 0.0
     for i in range(5):
@@ -42,7 +43,7 @@ def advance(heading, curvature, sharpness, u):
     return u * dx, u * dy
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _row(table, s):
     low, high = 0, table.shape[0]
     while high - low > 1:
@@ -54,8 +55,8 @@ def _row(table, s):
     return low
 
 
-@njit(cache=True, nogil=True)
-def curvature_at(table, period, s):
+@kernel
+def curvature_at(table: Array, period: float, s: float) -> float:
     """Curvature at arc length `s` of any lap, in [1/m]; 0 outside an open path."""
     if period > 0.0:
         s -= np.floor(s / period) * period
@@ -63,8 +64,8 @@ def curvature_at(table, period, s):
     return table[row, 4] + table[row, 5] * (s - table[row, 0])
 
 
-@njit(cache=True, nogil=True)
-def pose_at(table, period, s):
+@kernel
+def pose_at(table: Array, period: float, s: float) -> tuple[float, float, float, float]:
     """Point, continuous heading and curvature at arc length `s`: x, y, heading, curvature in [m, m, rad, 1/m]."""
     turn = 0.0
     if period > 0.0:
@@ -83,15 +84,15 @@ def pose_at(table, period, s):
     )
 
 
-@njit(cache=True, nogil=True)
-def point_at(table, period, s, offset):
+@kernel
+def point_at(table: Array, period: float, s: float, offset: float) -> tuple[float, float, float]:
     """World point beside the path, and the path's heading there: x, y, heading in [m, m, rad]."""
     x, y, heading, _ = pose_at(table, period, s)
     return x - offset * math.sin(heading), y + offset * math.cos(heading), heading
 
 
-@njit(cache=True, nogil=True)
-def project_at(table, period, x, y, near):
+@kernel
+def project_at(table: Array, period: float, x: float, y: float, near: float) -> tuple[float, float, float]:
     """Foot of the perpendicular from a point to the path.
 
     Args:
@@ -112,7 +113,7 @@ def project_at(table, period, x, y, near):
     return s, offset, heading
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _seen_from(table, period, x, y, s):
     """The point in the frame of the path at s: ahead, left; and the path's heading and curvature."""
     px, py, heading, curvature = pose_at(table, period, s)
@@ -120,19 +121,19 @@ def _seen_from(table, period, x, y, s):
     return (x - px) * c + (y - py) * n, (y - py) * c - (x - px) * n, heading, curvature
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _ahead(table, row, x, y):
     heading = table[row, 3]
     return (x - table[row, 1]) * math.cos(heading) + (y - table[row, 2]) * math.sin(heading)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _distance(table, row, x, y):
     dx, dy = x - table[row, 1], y - table[row, 2]
     return math.sqrt(dx * dx + dy * dy)  # a third of the time of hypot
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _foot(table, period, x, y, low, high):
     """Newton's method for the foot between two stations, bisection where it does not settle."""
     s = 0.5 * (low + high)
@@ -151,7 +152,7 @@ def _foot(table, period, x, y, low, high):
     return s
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _downhill(table, period, x, y, near):
     """Arc length of the foot in whose basin of attraction `near` lies."""
     count = table.shape[0] - 2
@@ -179,14 +180,14 @@ def _downhill(table, period, x, y, near):
     return _foot(table, period, x, y, s - table[previous + 1, 0] + table[previous, 0], s)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _bound(table, start, end, x, y):
     """Lower bound, by the triangle inequality, of the distance to the path between two nodes."""
     way = table[end, 0] - table[start, 0]
     return 0.5 * (_distance(table, start, x, y) + _distance(table, end, x, y) - way)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _nearest(table, period, x, y):
     """Arc length of the nearest point: blocks, then pieces, that cannot hold it are skipped."""
     last = table.shape[0] - 1
@@ -212,8 +213,8 @@ def _nearest(table, period, x, y):
     return s
 
 
-@njit(cache=True, nogil=True)
-def lay(table, x, y, heading, pieces):
+@kernel
+def lay(table: Array, x: float, y: float, heading: float, pieces: Array) -> None:
     """Write the pieces one after another into a table, from a start pose on.
 
     Args:
@@ -233,8 +234,8 @@ def lay(table, x, y, heading, pieces):
     table[-1] = s, x, y, heading, 0.0, 0.0
 
 
-@njit(cache=True, nogil=True)
-def fit(chord, start, end):
+@kernel
+def fit(chord: float, start: float, end: float) -> tuple[float, float, float]:
     """The clothoid piece between two poses: length, curvature at the start, sharpness.
 
     Bertolazzi and Frego, G1 fitting with clothoids (2015): find the a = sharpness L^2 / 2 at which

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any, overload
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.road.clothoid import (
     MAX_CURVATURE,
     MAX_LENGTH,
@@ -184,7 +184,7 @@ class ReferencePath:
     def to_cartesian(self, s: Array, offset: Array | float) -> tuple[Array, Array]: ...
     @overload
     def to_cartesian(self, s: float, offset: Array) -> tuple[Array, Array]: ...
-    def to_cartesian(self, s, offset):
+    def to_cartesian(self, s: Any, offset: Any) -> Any:
         """World point x, y [m] at arc length s [m] and lateral offset l [m], positive to the left."""
         if _are_numbers(s, offset):
             return point_at(self.table, self.period, float(s), float(offset))[:2]
@@ -196,7 +196,7 @@ class ReferencePath:
     def project(self, x: float, y: float, near: float | None = None) -> tuple[float, float, float]: ...
     @overload
     def project(self, x: Array, y: Array, near: Array | float | None = None) -> tuple[Array, Array, Array]: ...
-    def project(self, x, y, near=None):
+    def project(self, x: Any, y: Any, near: Any = None) -> Any:
         """Road coordinates s, l [m] of world points and the heading [rad] of the road there.
 
         Args:
@@ -223,7 +223,7 @@ def _flat(values: ArrayLike) -> Array:
     return np.array(values, dtype=np.float64).ravel()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _curvatures(table, period, s):
     result = np.empty_like(s)
     for i in range(s.size):
@@ -231,7 +231,7 @@ def _curvatures(table, period, s):
     return result
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _points(table, period, s, offset):
     result = np.empty((3, s.size))
     for i in range(s.size):
@@ -239,7 +239,7 @@ def _points(table, period, s, offset):
     return result
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _projections(table, period, x, y, near):
     result = np.empty((3, x.size))
     for i in range(x.size):

@@ -7,10 +7,14 @@ tunes MuJoCo's own friction to be that shear at the present speed, or leaves tha
 import math
 
 import numpy as np
-from numba import njit
+from numpy.typing import NDArray
 
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.tyres.formula import tyre_forces
 from sidestep.plant_models.tyres.parameters import TYRE
+
+Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
 
 TYRE_MODES = ("magic-formula", "contact", "stock-contact")
 """Who supplies the shear: the law with relaxation, MuJoCo's contact tuned to the law, MuJoCo's contact."""
@@ -24,6 +28,7 @@ _SLOWEST_SLIDE = 1e-3  # below it, the contact's friction keeps its damping, [m/
 CAR = np.dtype(
     [
         ("tyre", TYRE, (1,)),  # TyreParameters.as_array()
+        ("tyre_scale", np.float64, 4),  # VehicleParameters.tyre_scale of each wheel's axle
         ("mode", np.int64),  # place in TYRE_MODES
         ("bears_load", np.int64),  # whether the tyre carries the car, not MuJoCo's solver
         ("damping_scale", np.float64, 4),  # friction reference per damping of a tyre pair, [m/N]
@@ -46,6 +51,7 @@ CAR = np.dtype(
         ("wheel", np.int64, 4),  # bodies
         ("spin", np.int64, 4),  # joint velocities
         ("slide", np.int64, (4, 2)),  # joint positions and velocities
+        ("slide_axis", np.float64, (4, 2)),  # y and z in the chassis
         ("steer", np.int64, (2, 2)),  # joint positions and velocities
     ]
 )
@@ -72,25 +78,25 @@ PATCH = 14  # found, dist, pos (3), normal (3), tangent (3), linvel (3) in the c
 _FORCE = 4 * PATCH + 1  # behind the hull's: contact force of the last step (3) per tyre, in the contact modes
 
 
-@njit(cache=True, nogil=True)
-def dot(a, b):
+@kernel
+def dot(a: Vector, b: Vector) -> float:
     """Scalar product of two vectors of three."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True, nogil=True)
-def cross(a, b):
+@kernel
+def cross(a: Vector, b: Vector) -> Vector:
     """Vector product, as a tuple."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True, nogil=True)
-def vector(values, start):
+@kernel
+def vector(values: Array, start: int) -> Vector:
     """Three numbers of an array as a tuple; a slice would count references, which costs more than the numbers."""
     return values[start], values[start + 1], values[start + 2]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def relaxed_slip(deflection_x, deflection_y, slide_x, slide_y, rolling, dt, tyre):
     """Advance the carcass deflection by one implicit step of u' = -v_s - |v_x| u / sigma.
 
@@ -117,7 +123,7 @@ def relaxed_slip(deflection_x, deflection_y, slide_x, slide_y, rolling, dt, tyre
     return x * length_x, y * length_y, x - damping * slide_x, math.atan(y - damping * slide_y)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def friction_at(x, y, friction, patches):
     """Road friction at a point, in [-].
 
@@ -135,7 +141,7 @@ def friction_at(x, y, friction, patches):
     return friction
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _axes(axle, normal):
     """Directions ahead and left of a wheel in the road's plane, and the sine of its camber."""
     ahead = cross(axle, normal)
@@ -144,7 +150,7 @@ def _axes(axle, normal):
     return ahead, cross(normal, ahead), dot(axle, normal)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _lift(i, state):
     state["load"][i] = 0.0
     state["deflection"][i, :] = 0.0
@@ -152,25 +158,26 @@ def _lift(i, state):
     state["shear"][i, :] = 0.0
 
 
-@njit(cache=True, nogil=True)
-def _law(i, kappa, alpha, camber, load, friction, tyre):
+@kernel
+def _law(i, kappa, alpha, camber, load, friction, car):
     """The law on wheel `i`; those on the right are mirror images."""
     side = 1.0 if i % 2 == 0 else -1.0
-    fx, fy, moment = tyre_forces(kappa, side * alpha, side * camber, load, friction, tyre)
+    p, scale = car["tyre"], car["tyre_scale"][i]
+    fx, fy, moment = tyre_forces(kappa, side * alpha, side * camber, load, friction, p, scale)
     return fx, side * fy, side * moment
 
 
-@njit(cache=True, nogil=True)
-def _contact_damping(i, slide_x, slide_y, rolling, camber, load, friction, tyre):
+@kernel
+def _contact_damping(i, slide_x, slide_y, rolling, camber, load, friction, car):
     """Damping of the contact's friction that gives the law's force at this speed and slip, in [N s/m]."""
     slide, speed = math.hypot(slide_x, slide_y), max(abs(rolling), _LOW_SPEED)
     if slide < _SLOWEST_SLIDE:
         slide_x, slide_y, slide = 0.0, _SLOWEST_SLIDE, _SLOWEST_SLIDE
-    fx, fy, _ = _law(i, -slide_x / speed, math.atan(-slide_y / speed), camber, load, friction, tyre)
+    fx, fy, _ = _law(i, -slide_x / speed, math.atan(-slide_y / speed), camber, load, friction, car)
     return math.hypot(fx, fy) / slide
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def tyres(dt, car, state, sensors, xipos, xmat, qpos, qvel, qfrc, pairs, damping, patches):
     """Shear of the wheels from their contact patches: a wrench on the joints, or tuned contacts.
 
@@ -211,7 +218,7 @@ def tyres(dt, car, state, sensors, xipos, xmat, qpos, qvel, qfrc, pairs, damping
         u[i, 0], u[i, 1], kappa, alpha = relaxed_slip(u[i, 0], u[i, 1], slide_x, slide_y, rolling, dt, car["tyre"])
         state["slip"][i, 0], state["slip"][i, 1] = kappa, alpha
         if car["mode"] == 0:
-            fx, fy, moment = _law(i, kappa, alpha, camber, load, friction, car["tyre"])
+            fx, fy, moment = _law(i, kappa, alpha, camber, load, friction, car)
             state["shear"][i, 0], state["shear"][i, 1] = fx, fy
             borne = load if car["bears_load"] != 0 else 0.0
             force, torque = _wrench(arm, ahead, left, normal, depth, fx, fy, moment, borne)
@@ -221,12 +228,12 @@ def tyres(dt, car, state, sensors, xipos, xmat, qpos, qvel, qfrc, pairs, damping
         state["shear"][i, 0] = solved_x * along[0] + solved_y * along[1]
         state["shear"][i, 1] = solved_x * across[0] + solved_y * across[1]
         if car["mode"] == _CONTACT:
-            c = _contact_damping(i, slide_x, slide_y, rolling, camber, load, friction, car["tyre"])
+            c = _contact_damping(i, slide_x, slide_y, rolling, camber, load, friction, car)
             damping[i, 1] = -c * car["damping_scale"][i]
             pairs[i, 0] = pairs[i, 1] = friction * max(car["tyre"][0]["p_dx1"], car["tyre"][0]["p_dy1"])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _wrench(arm, ahead, left, normal, depth, fx, fy, moment, borne):
     """Force and moment on the wheel's body, about its centre."""
     # The patch lies half the penetration below the road, where the wheel rolls; the car leans on the road.
@@ -246,7 +253,7 @@ def _wrench(arm, ahead, left, normal, depth, fx, fy, moment, borne):
     return force, torque
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def push(i, car, xipos, xmat, qpos, qfrc, force, torque):
     """Add a wrench on wheel `i` to the joints that carry it.
 
@@ -266,7 +273,8 @@ def push(i, car, xipos, xmat, qpos, qfrc, force, torque):
         for j in range(3):  # the free joint turns about the chassis' own axes
             qfrc[3 + k] += xmat[chassis, 3 * j + k] * (torque[j] + lever[j])
     up = (xmat[chassis, 2], xmat[chassis, 5], xmat[chassis, 8])
-    qfrc[car["slide"][i, 1]] += dot(up, force)
+    left = (xmat[chassis, 1], xmat[chassis, 4], xmat[chassis, 7])
+    qfrc[car["slide"][i, 1]] += car["slide_axis"][i, 0] * dot(left, force) + car["slide_axis"][i, 1] * dot(up, force)
     if i < 2:
         qfrc[car["steer"][i, 1]] += dot(up, torque)
     qfrc[car["spin"][i]] += dot((xmat[wheel, 1], xmat[wheel, 4], xmat[wheel, 7]), torque)

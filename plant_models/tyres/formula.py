@@ -1,7 +1,7 @@
 """Tyre law: Magic Formula 6.1, pure and combined slip, load, camber, aligning moment, road friction.
 
 After Pacejka, Tire and Vehicle Dynamics, 3rd ed., section 4.3.2, with the camber terms of the moment as in
-the TNO files, without turn slip and inflation pressure. Forces act on the car, axes after ISO 8855 in the
+the TNO files and the camber shift of MF-Tyre 5.2, without turn slip. Forces act on the car, axes after ISO 8855 in the
 wheel's plane on the road. A positive slip angle gives a positive lateral force, so that the slope at the
 origin is the cornering stiffness.
 """
@@ -9,33 +9,35 @@ origin is the cornering stiffness.
 import math
 
 import numpy as np
-from numba import njit
+from numpy.typing import NDArray
+
+from sidestep.plant_models.kernels import kernel
 
 
-@njit(cache=True, nogil=True)
-def cornering_stiffness(load, p):
+@kernel
+def cornering_stiffness(load: float, p: NDArray[np.void]) -> float:
     """Slope K_y of the pure lateral force at zero slip and camber, in [N/rad]; `load` in [N], `p` from `as_array`."""
     return _stiffness(load, 0.0, p[0])
 
 
-@njit(cache=True, nogil=True)
-def magic_formula(kappa, alpha, load, friction, p):
+@kernel
+def magic_formula(kappa: float, alpha: float, load: float, friction: float, p: NDArray[np.void]) -> tuple[float, float]:
     """Longitudinal and lateral force of an upright tyre, in [N]; arguments as of `tyre_forces`."""
     fx, fy, _ = tyre_forces(kappa, alpha, 0.0, load, friction, p)
     return fx, fy
 
 
-@njit(cache=True, nogil=True)
-def lateral_force(alpha, load, friction, p):
+@kernel
+def lateral_force(alpha, load, friction, p, scale=1.0):
     """Lateral force of an upright tyre without longitudinal slip, in [N]; arguments as of `tyre_forces`."""
     if load <= 0.0 or friction <= 0.0:
         return 0.0
-    force, _, _, _ = _pure_lateral(alpha / friction, 0.0, load, load / p[0]["nominal_load"] - 1.0, p[0])
+    force, _, _, _ = _pure_lateral(alpha / friction, 0.0, load, load / p[0]["nominal_load"] - 1.0, p[0], scale)
     return friction * force
 
 
-@njit(cache=True, nogil=True)
-def tyre_forces(kappa, alpha, camber, load, friction, p):
+@kernel
+def tyre_forces(kappa, alpha, camber, load, friction, p, scale=1.0):
     """Steady-state shear force and aligning moment of one tyre.
 
     Road friction shrinks the law to a similar one, F = mu F(kappa / mu, alpha / mu) (Pacejka, section 4.2.1):
@@ -48,6 +50,7 @@ def tyre_forces(kappa, alpha, camber, load, friction, p):
         load: Wheel load, in [N]; no force at or below zero.
         friction: Road friction as a factor on the tyre's peak, in [-].
         p: Coefficients, `TyreParameters.as_array()`.
+        scale: Factor on the cornering stiffness, LKY of the TNO files.
 
     Returns:
         Longitudinal and lateral force, in [N], and the moment about the upward axis, in [N m].
@@ -58,7 +61,7 @@ def tyre_forces(kappa, alpha, camber, load, friction, p):
     kappa, slip = kappa / friction, alpha / friction
     dfz = load / t["nominal_load"] - 1.0
     fx0, stiffness_x = _pure_longitudinal(kappa, lean, load, dfz, t)
-    fy0, stiffness_y, peak_y, shift = _pure_lateral(slip, lean, load, dfz, t)
+    fy0, stiffness_y, peak_y, shift = _pure_lateral(slip, lean, load, dfz, t, scale)
 
     b = (t["r_bx1"] + t["r_bx3"] * lean**2) * _cos_atan(t["r_bx2"] * kappa)
     fx = fx0 * _weight(b, t["r_cx1"], t["r_ex1"] + t["r_ex2"] * dfz, slip, t["r_hx1"])
@@ -77,31 +80,31 @@ def tyre_forces(kappa, alpha, camber, load, friction, p):
     return friction * fx, friction * (fy + induced), friction * moment
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _cos_atan(x):
     return 1.0 / math.sqrt(1.0 + x * x)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _sine(stiffness, peak, shape, curvature, slip):
     x = stiffness / (shape * peak) * slip
     return peak * math.sin(shape * math.atan(x - min(curvature, 1.0) * (x - math.atan(x))))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _cosine(b, c, e, slip):
     x = b * slip
     return math.cos(c * math.atan(x - e * (x - math.atan(x))))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _weight(b, c, e, slip, shift):
     """Never negative: with c > 1, as published, far slip would turn the other direction's force round."""
     weight = max(_cosine(b, c, e, slip + shift), 0.0)
     return weight if shift == 0.0 else weight / _cosine(b, c, e, shift)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _stiffness(load, lean, t):
     if t["p_ky2"] <= 0.0:
         return t["p_ky1"] * load
@@ -110,7 +113,7 @@ def _stiffness(load, lean, t):
     return t["p_ky1"] * t["nominal_load"] * (1.0 - t["p_ky3"] * abs(lean)) * slope
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _pure_longitudinal(kappa, lean, load, dfz, t):
     """Force and slip stiffness; (4.E9) to (4.E18)."""
     slip = kappa + t["p_hx1"] + t["p_hx2"] * dfz
@@ -122,14 +125,14 @@ def _pure_longitudinal(kappa, lean, load, dfz, t):
     return force + load * (t["p_vx1"] + t["p_vx2"] * dfz), stiffness
 
 
-@njit(cache=True, nogil=True)
-def _pure_lateral(alpha, lean, load, dfz, t):
+@kernel
+def _pure_lateral(alpha, lean, load, dfz, t, scale):
     """Force, cornering stiffness, peak, and the slip angle by which the curve is shifted; (4.E19) to (4.E30)."""
     peak = max(t["p_dy1"] + t["p_dy2"] * dfz, 0.1) * max(1.0 - t["p_dy3"] * lean**2, 0.1) * load
-    stiffness = _stiffness(load, lean, t)
+    stiffness = scale * _stiffness(load, lean, t)
     rise = load * (t["p_vy3"] + t["p_vy4"] * dfz) * lean
     thrust = load * (t["p_ky6"] + t["p_ky7"] * dfz) * lean
-    shift = t["p_hy1"] + t["p_hy2"] * dfz + (thrust - rise) / stiffness
+    shift = t["p_hy1"] + t["p_hy2"] * dfz + t["p_hy3"] * lean + (thrust - rise) / stiffness
     lift = load * (t["p_vy1"] + t["p_vy2"] * dfz) + rise
     slip = alpha + shift
     curvature = t["p_ey1"] + t["p_ey2"] * dfz
@@ -137,7 +140,7 @@ def _pure_lateral(alpha, lean, load, dfz, t):
     return _sine(stiffness, peak, t["p_cy1"], curvature, slip) + lift, stiffness, peak, shift + lift / stiffness
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _trail(alpha, traction, shift, steepness, lean, load, dfz, t):
     """Pneumatic trail [m] and residual moment [N m] over the cosine of the slip angle; (4.E33) to (4.E49), (4.E71)."""
     moved = alpha + t["q_hz1"] + t["q_hz2"] * dfz + (t["q_hz3"] + t["q_hz4"] * dfz) * lean

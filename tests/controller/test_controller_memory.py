@@ -29,7 +29,7 @@ def states(count=60):
 
 @pytest.mark.parametrize(
     "settings",
-    [{}, {"input_delay_steps": 1, "estimate_friction": True}, {"formulation": "paper"}],
+    [{}, {"input_delay_steps": 1, "body_roll": True}, {"formulation": "paper"}],
     ids=["default", "delayed", "paper"],
 )
 def test_restored_controller_goes_on_to_the_last_bit(settings):

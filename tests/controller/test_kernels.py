@@ -34,7 +34,7 @@ print(*(loaded() - before))
         ("double-obstacle", ()),
         ("moose", ("speed=20",)),  # more than the car can do: nothing is feasible
         ("blocked", ("controller.input_delay_steps=2", "plant.delay=0.04")),
-        ("double-obstacle", ("controller.body_roll=true", "controller.estimate_friction=true")),
+        ("double-obstacle", ("controller.body_roll=true",)),
         ("double-obstacle", ("controller.preset=paper",)),
     ],
 )

@@ -9,9 +9,13 @@ import shapely
 import shapely.affinity
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
 from sidestep.controller import ControllerConfig, SteeringController
-from sidestep.controller.steering import SHIFTED_PLAN_TIME
+from sidestep.controller.answer import SHIFTED_PLAN_TIME
+from sidestep.controller.mpc.status import ITERATION_LIMIT
+from sidestep.controller.step import BOUNDED, prepare
+from sidestep.plant_models.linear.bicycle import continuous
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road.reference_path import Arc, Line, ReferencePath
@@ -260,16 +264,21 @@ def test_failing_solver_is_survived(monkeypatch):
     controller = SteeringController(BMW, ROAD, SINGLE)
     for k in range(20):
         controller.step(good_state(0.02 * k))
-    solve = controller._mpc.solve
-    monkeypatch.setattr(
-        controller._mpc, "solve", lambda *a: solve(*a)._replace(solved=False, status="PIQP_MAX_ITER_REACHED")
-    )
+
+    def stuck(work, _):
+        work["solver_status"] = ITERATION_LIMIT
+        work["z"][:] = math.nan
+        return False
+
+    monkeypatch.setattr(controller, "_first", lambda *a: max(prepare(*a), BOUNDED))  # it is asked in every step
+    monkeypatch.setattr(controller._solver, "solve", stuck)
     statuses = [controller.step(good_state(0.02 * k)).status for k in range(20, 50)]
     assert statuses[0] is Status.DEGRADED
     assert statuses[-1] is Status.FAULT
     assert controller.plan is not None
-    assert controller.plan.solver_status == "PIQP_MAX_ITER_REACHED"
+    assert controller.plan.solver_status == "ITERATION_LIMIT"
     assert not controller.plan.feasible
+    assert np.isfinite(controller.plan.states).all()
 
 
 @settings(max_examples=40, deadline=None)
@@ -308,14 +317,14 @@ def test_literal_paper_drives_an_empty_road():
 @pytest.mark.closed_loop
 def test_plan_tells_what_happened():
     _, _, plans = drive(SINGLE, duration=3.0)
-    assert {plan.solver_status for plan in plans} == {"UNCONSTRAINED", "PIQP_SOLVED"}
-    plan = next(plan for plan in plans if plan.solver_status == "PIQP_SOLVED")
+    assert {plan.solver_status for plan in plans} == {"UNCONSTRAINED", "SOLVED"}
+    plan = next(plan for plan in plans if plan.solver_status == "SOLVED")
     assert plan.iterations > 0
     assert plan.states.shape == (len(plan.states_time), 6)
     assert len(plan.s) == len(plan.l) == len(plan.left) == len(plan.right)
     assert plan.primal_residual < 1e-8
     assert plan.dual_residual < 1e-6  # of gradients around 1e4
-    assert plan.step_us >= plan.plan_us > 0.0
+    assert plan.step_us >= plan.solve_us > 0.0
     assert plan.sides[0] in (-1, 1)
 
 
@@ -373,3 +382,76 @@ def test_any_distance_between_states_is_survived(step):
         command = controller.step(replace(good_state(0.0), time=k * step, steer_angle=0.01 * k))
         assert math.isfinite(command.steer_angle)
         assert command.status is Status.TRACKING
+
+
+@pytest.mark.parametrize("speed", [8.0, -8.0])
+def test_a_delay_moves_the_boxes_as_it_moves_the_car(speed):
+    """What is planned through a delay is what is planned later without one."""
+    box, delay = Obstacle(45.0, 0.6, 4.5, 1.8, speed=speed), 10
+    late = SteeringController(BMW, ROAD, [box], ControllerConfig(input_delay_steps=delay, cruise_speed=15.0))
+    later = SteeringController(BMW, ROAD, [box], ControllerConfig(cruise_speed=15.0))
+    late.step(good_state(0.0))
+    later.step(good_state(0.02 * delay))
+    assert late.plan is not None
+    assert later.plan is not None
+    for name in ("s", "l", "left", "right", "states"):
+        assert getattr(late.plan, name) == pytest.approx(getattr(later.plan, name), abs=1e-6), name
+
+
+@pytest.mark.closed_loop
+@pytest.mark.parametrize("offset", [0.04, 0.12, 1.0, -2.9])
+def test_any_reference_offset_is_reached(offset):
+    states, _, plans = drive((), ControllerConfig(reference_offset=offset), start=VehicleState(v_x=12.0))
+    assert states[-1].y == pytest.approx(offset, abs=2e-3)
+    assert plans[-1].l[-1] == pytest.approx(offset, abs=1e-9)
+
+
+@pytest.mark.parametrize("offset", [3.0, -3.0])
+@pytest.mark.parametrize("radius", [30.0, 50.0])
+def test_a_car_beside_the_reference_of_a_bend_is_predicted_where_it_will_be(radius, offset):
+    """It stays on its own circle, on which it gets along the reference by v / (1 - kappa l)."""
+    speed, road = 8.0, ReferencePath.from_segments([Arc(120.0, 1.0 / radius)])
+    config = ControllerConfig(width_left=5.0, width_right=5.0, reference_offset=offset, tyre_model="linear")
+    controller, own = SteeringController(BMW, road, [], config), radius - offset
+    beta, steer = steady_turn(speed, own)
+    x, y = road.to_cartesian(5.0, offset)
+    yaw = road.heading(5.0) - beta
+    controller.step(VehicleState(0.0, x, y, yaw, speed, speed * beta, speed / own, steer))
+    plan = controller.plan
+    assert plan is not None
+    k = int(np.searchsorted(plan.states_time, 2.0))
+    x, y = simulated((x, y, yaw, beta, speed / own), speed, plan.states_time, plan.states[:, 4], plan.states_time[k])
+    s, l, _ = road.project(x, y, 5.0)  # noqa: E741
+    assert plan.states_s[k] == pytest.approx(s, abs=0.05)
+    assert plan.states[k, 0] == pytest.approx(l, abs=0.015)
+
+
+def simulated(start, speed, times, angles, until):
+    """Position of the linear car that steers as predicted, in the plane instead of along a road."""
+    a, b, _ = continuous(BMW, speed)
+
+    def rates(t, state):
+        _, _, yaw, beta, yaw_rate = state
+        turn = a[2:, 2:] @ [beta, yaw_rate] + b[2:] * np.interp(t, times, angles)
+        return speed * math.cos(yaw + beta), speed * math.sin(yaw + beta), yaw_rate, *turn
+
+    return solve_ivp(rates, (0.0, until), start, rtol=1e-8, atol=1e-10).y[:2, -1]
+
+
+def steady_turn(speed, radius):
+    """Sideslip and road-wheel angle of the linear car on a circle, in [rad]."""
+    a, b, _ = continuous(BMW, speed)
+    beta, steer = np.linalg.solve(np.column_stack([a[2:, 2], b[2:]]), -a[2:, 3] * speed / radius)
+    return beta, steer
+
+
+@pytest.mark.parametrize("name", ["x", "y", "yaw", "v_x", "v_y", "yaw_rate", "steer_angle", "time"])
+@pytest.mark.parametrize("value", [1e16, -1e16, 1e308])
+def test_a_state_that_no_car_has_is_refused(name, value):
+    controller = SteeringController(BMW, ROAD, SINGLE)
+    controller.step(good_state(0.0))
+    command = controller.step(replace(good_state(0.02), **{name: value}))
+    assert command.status is Status.DEGRADED
+    assert controller.plan is not None
+    assert controller.plan.solver_status == "INPUT"
+    assert command.target_speed <= 15.0

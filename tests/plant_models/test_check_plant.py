@@ -1,11 +1,14 @@
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
+from functools import partial
 from typing import Any
 
 import pytest
 
-from sidestep.plant_models.check_plant import check_plant
-from sidestep.plant_models.linear.plant import LinearPlant
+from sidestep.fmu.importing.plant import FmuPlant
+from sidestep.plant_models.checks.check_plant import check_plant
+from sidestep.plant_models.linear.plant import LinearPlant, steered
+from sidestep.plant_models.mujoco.plant import MujocoPlant
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters, vehicle_presets
@@ -96,6 +99,136 @@ def test_steering_faster_and_further_than_the_car_can_is_found():
     assert any(finding.startswith("steer_angle moves at 2 rad/s, the car's limit is 0.4") for finding in findings)
     assert any(finding.startswith("steer_angle reaches 1.2 rad, the car's limit is 1.066") for finding in findings)
     assert len(findings) == 2
+
+
+class Dropping(Broken):
+    """Starts with some of the signals at zero, and says so, or says that it does not."""
+
+    def __init__(self, names, is_honest):
+        super().__init__()
+        self._dropped, self._is_honest = dict.fromkeys(names, 0.0), is_honest
+
+    def reset(self, state):
+        real = super().reset(replace(state, **self._dropped))
+        return real if self._is_honest else state
+
+
+@pytest.mark.parametrize("name", ["v_y", "yaw_rate", "steer_angle"])
+def test_a_reset_that_drops_a_signal_is_found(name):
+    asked = {"v_y": 0.5, "yaw_rate": 0.5, "steer_angle": 0.1}[name]
+    assert f"After reset, {name} is 0 instead of {asked:g}." in check_plant(Dropping([name], is_honest=True))
+    found = check_plant(Dropping([name], is_honest=False))
+    assert any(finding.startswith(f"{name} jumps from {asked} after the reset") for finding in found), found
+
+
+def wrapped(low):
+    def report(state):
+        return replace(state, yaw=(state.yaw - low) % math.tau + low)
+
+    return report
+
+
+@pytest.mark.parametrize("low", [-math.pi, 0.0])
+def test_a_yaw_that_wraps_is_found(low):
+    found = check_plant(Broken(wrapped(low)))
+    assert any(finding.startswith("yaw jumps from ") and "not wrap" in finding for finding in found), found
+
+
+CARS = {
+    "lag": (
+        BMW.with_(steer_time_constant=0.3), LinearPlant,
+        ["steer_angle follows a step of the steering 0.3 s late instead of 0.05 s"],
+    ),
+    "rate limit": (
+        BMW.with_(steer_rate_limit=0.1), LinearPlant,
+        ["steer_angle moves at no more than 0.1 rad/s, the car's limit is 0.4"],
+    ),
+    "steering limit": (
+        BMW.with_(steer_limit=0.6), LinearPlant, ["steer_angle reaches no more than 0.6 rad, the car's limit is 1.066"],
+    ),
+    "mass": (
+        BMW.with_(mass=1.3 * BMW.mass), LinearPlant,
+        ["the front axle slips 1.3 times as much", "the rear axle slips 1.3 times as much"],
+    ),
+    "mass on tyres that follow the load": (
+        BMW.with_(mass=1.3 * BMW.mass), partial(FmuPlant.native, model="double-track"),
+        ["as if its yaw_inertia over mass were 0.6"],
+    ),
+    "yaw inertia": (
+        BMW.with_(yaw_inertia=1.6 * BMW.yaw_inertia), LinearPlant, ["its yaw_inertia over mass were 1.6 times"],
+    ),
+    "stiffness": (
+        BMW.with_(cornering_stiffness_rear=0.7 * BMW.cornering_stiffness_rear), LinearPlant,
+        ["the rear axle slips 1.43 times as much"],
+    ),
+    "friction": (BMW, partial(FmuPlant.native, friction=0.5), ["friction or tyres are others"]),
+    "friction on four wheels": (
+        BMW, partial(FmuPlant.native, friction=0.5, model="double-track"), ["friction or tyres are others"],
+    ),
+    "friction, MuJoCo": (BMW, partial(MujocoPlant, friction=0.5), ["friction or tyres are others"]),
+    "another car": (
+        VehicleParameters.preset("vw-vanagon"), FmuPlant.native,
+        ["the wheelbase of 2.", "the reference point lies 0.1 m behind"],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CARS)
+def test_a_car_that_is_another_than_told_is_found(name):
+    real, plant, expected = CARS[name]
+    found = check_plant(plant(real), BMW)
+    for part in expected:
+        assert any(part in finding for finding in found), (part, found)
+
+
+def test_more_angle_at_the_wheels_than_reported_is_found():
+    class Ratio(Broken):
+        def step(self, command, dt):
+            state = super().step(replace(command, steer_angle=1.1 * command.steer_angle), dt)
+            return replace(state, steer_angle=state.steer_angle / 1.1)
+
+        def reset(self, state):
+            return replace(super().reset(replace(state, steer_angle=1.1 * state.steer_angle)), **asdict(state))
+
+    found = check_plant(Ratio(), BMW)
+    assert any("In a slow bend the car turns 1.1 times as much as its road-wheel angle of 0.1" in f for f in found), (
+        found
+    )
+
+
+def test_a_lag_that_the_report_hides_is_found():
+    late = Broken(vehicle=BMW.with_(steer_time_constant=0.3))
+
+    class Hiding(Broken):
+        def reset(self, state):
+            self._angle = state.steer_angle
+            return late.reset(state)
+
+        def step(self, command, dt):
+            angle = command.steer_angle if math.isfinite(command.steer_angle) else self._angle
+            self._angle = steered(self._angle, angle, dt, 0.05, 0.4)
+            return replace(late.step(command, dt), steer_angle=self._angle)
+
+    found = check_plant(Hiding(), BMW)
+    assert any(finding.startswith("yaw_rate follows a step of the steering 0.39 s late") for finding in found), found
+
+
+@pytest.mark.parametrize("name", vehicle_presets())
+@pytest.mark.parametrize("kind", ["single-track", "double-track", "mujoco"])
+def test_nothing_is_found_on_our_own_plants(name, kind):
+    vehicle = VehicleParameters.preset(name)
+    plant = MujocoPlant(vehicle) if kind == "mujoco" else FmuPlant.native(vehicle, model=kind)
+    assert check_plant(plant, vehicle) == []
+
+
+def test_a_plant_that_takes_no_start_is_checked_all_the_same():
+    class Standing(Broken):
+        def reset(self, state):
+            return super().reset(VehicleState(time=state.time))
+
+    found = check_plant(Standing(), BMW)
+    assert found
+    assert all(finding.startswith("After reset, ") for finding in found), found
 
 
 def test_a_plant_with_a_memory_is_found():

@@ -15,8 +15,9 @@ from msgspec import Meta
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.loop.closed_loop import open_controller
 from sidestep.validation.loop.plants import open_plant
+from sidestep.validation.scenarios.library import read_scenario
 from sidestep.validation.scenarios.random_scenes import random_scene
-from sidestep.validation.scenarios.scenario import Scenario, parse_scenario, read_scenario
+from sidestep.validation.scenarios.scenario import Scenario, parse_scenario
 from sidestep.validation.scenarios.tables import checked
 
 RANDOM = "random"

@@ -53,7 +53,7 @@ def influences(rows: Sequence[Row]) -> list[Influence]:
 def clearance_figure(rows: Sequence[Row], buffer: float) -> Figure:
     """Distribution of the smallest clearance to obstacles and edges, and its share of runs below."""
     margin = np.maximum([row["margin_m"] for row in rows if row["margin_m"] is not None], LOWEST)
-    failed = np.array([not row["passed"] for row in rows if row["margin_m"] is not None], dtype=bool)
+    failed = np.array([row["verdict"] != "pass" for row in rows if row["margin_m"] is not None], dtype=bool)
     with styled():
         figure = Figure(figsize=(11.0, 3.0))
         figure.subplots_adjust(0.055, 0.15, 0.985, 0.9, wspace=0.14)
@@ -61,7 +61,7 @@ def clearance_figure(rows: Sequence[Row], buffer: float) -> Figure:
         edges = np.linspace(margin.min(), max(margin.max(), margin.min() + 1e-6), 41)
         panel(density, "Smallest clearance", "runs")
         density.hist([margin[~failed], margin[failed]], edges.tolist(), stacked=True, color=[BLUE, RED],
-                     label=["passed", "failed"])  # fmt: skip
+                     label=["passed", "not passed"])  # fmt: skip
         panel(below, "Runs with less than this", "%")
         below.step(np.sort(margin), 100.0 * np.arange(1, len(margin) + 1) / len(margin), where="post", color=BLUE)
         for axes in (density, below):
@@ -75,7 +75,7 @@ def clearance_figure(rows: Sequence[Row], buffer: float) -> Figure:
 
 def telling(rows: Sequence[Row], ranked: Sequence[Influence]) -> list[str]:
     """The parameters, those first that tell failed from passed runs, or else those that matter most."""
-    failed = np.array([not row["passed"] for row in rows], dtype=bool)
+    failed = np.array([row["verdict"] != "pass" for row in rows], dtype=bool)
     if failed.all() or not failed.any():
         return [one.key for one in ranked]
     values = {one.key: column(rows, one.key)[0] for one in ranked}
@@ -86,7 +86,7 @@ def failure_map(rows: Sequence[Row], ranked: Sequence[Influence]) -> Figure:
     """Every run over the most telling parameters, in pairs; failures crossed, the others by their clearance."""
     keys = telling(rows, ranked)[:4]
     pairs = list(zip(keys[0::2], keys[1::2], strict=False)) or [(keys[0], keys[0])]
-    passed = np.array([row["passed"] for row in rows], dtype=bool)
+    passed = np.array([row["verdict"] == "pass" for row in rows], dtype=bool)
     margin = np.array([row["margin_m"] for row in rows], dtype=float)
     with styled():
         figure = Figure(figsize=(11.0, 4.2))
@@ -96,7 +96,7 @@ def failure_map(rows: Sequence[Row], ranked: Sequence[Influence]) -> Figure:
             x, y = (_along(axis, rows, key) for axis, key in zip((axes.xaxis, axes.yaxis), pair, strict=True))
             axes.scatter(x[passed], y[passed], 16, margin[passed], cmap="viridis", norm=shades, linewidths=0.0,
                          rasterized=len(rows) > 2000)  # fmt: skip
-            axes.scatter(x[~passed], y[~passed], 34, RED, marker="x", linewidths=1.4, label="failed")
+            axes.scatter(x[~passed], y[~passed], 34, RED, marker="x", linewidths=1.4, label="not passed")
             axes.set_title(f"{pair[1]} over {pair[0]}")
             legend(axes)
         bar = figure.colorbar(ScalarMappable(shades, "viridis"), cax=figure.add_axes((0.935, 0.12, 0.012, 0.8)))

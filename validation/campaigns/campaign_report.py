@@ -14,9 +14,10 @@ from sidestep.validation.campaigns.campaign_figures import (
     ranking_figure,
 )
 from sidestep.validation.campaigns.journal import Row
-from sidestep.validation.model_error.credibility import write_credibility_report
-from sidestep.validation.model_error.evidence import Evidence, Table
-from sidestep.validation.report.exports.junit import JunitCase
+from sidestep.validation.judge.findings import Verdict
+from sidestep.validation.report.credibility import write_credibility_report
+from sidestep.validation.report.evidence import Evidence, Table
+from sidestep.validation.report.exports.junit import JunitCase, judged_case
 from sidestep.validation.studies.limits import CONFIDENCE, upper_bound
 
 _SHOWN = 12
@@ -24,18 +25,23 @@ _SHOWN = 12
 
 
 def summarised(campaign: Campaign, rows: Sequence[Row]) -> dict[str, Any]:
-    """The figures of the whole: n, k, the bound of the failure rate, labels, worst row, influences."""
-    failures = sum(not row["passed"] for row in rows)
-    bound = upper_bound(failures, len(rows))
+    """The figures of the whole: n, k, the bound of the failure rate, labels, worst row, influences.
+
+    Inconclusive runs are neither passes nor failures: n in the bound is without them.
+    """
+    verdicts = Counter(row["verdict"] for row in rows)
+    failures, unknown = verdicts[Verdict.FAIL.value], verdicts[Verdict.INCONCLUSIVE.value]
     allowed = campaign.failure_rate
     worst = next((row for row in worst_first(rows) if row["margin_m"] is not None), None)
     return {
         "campaign": campaign.name,
-        "verdict": "pass" if (failures == 0 if allowed is None else bound <= allowed) else "fail",
+        "verdict": _verdict(len(rows), failures, unknown, allowed).value,
         "n": len(rows),
         "failures": failures,
-        "failure_rate_upper_bound_95": bound,
+        "inconclusive": unknown,
+        "failure_rate_upper_bound_95": _bound(failures, len(rows) - unknown),
         "failure_rate_allowed": allowed,
+        "verdicts": dict(verdicts),
         "labels": dict(Counter(row["label"] for row in rows)),
         "worst_row": worst and worst["row"],
         "worst_margin_m": worst and worst["margin_m"],
@@ -43,12 +49,28 @@ def summarised(campaign: Campaign, rows: Sequence[Row]) -> dict[str, Any]:
     }
 
 
+def _verdict(n: int, failures: int, unknown: int, allowed: float | None) -> Verdict:
+    """A pass holds even if all that is unknown had failed; a failure, even if all of it had passed."""
+    if _holds(failures + unknown, n, allowed) and unknown < n:
+        return Verdict.PASS
+    return Verdict.INCONCLUSIVE if unknown and _holds(failures, n, allowed) else Verdict.FAIL
+
+
+def _holds(failures: int, runs: int, allowed: float | None) -> bool:
+    return failures == 0 if allowed is None else _bound(failures, runs) <= allowed
+
+
+def _bound(failures: int, runs: int) -> float:
+    return upper_bound(failures, runs) if runs else 1.0
+
+
 def sentence(summary: dict[str, Any]) -> str:
     """The verdict in words: never "safe", but how many runs and what that bounds."""
     bar = summary["failure_rate_allowed"]
     bound = float(f"{100.0 * summary['failure_rate_upper_bound_95']:.2g}")  # 100, not 1e+02
     words = (
-        f"{summary['verdict'].upper()}: {summary['n']} runs, {summary['failures']} failures, failure rate at most "
+        f"{summary['verdict'].upper()}: {summary['n']} runs, {summary['failures']} failures, "
+        f"{summary['inconclusive']} inconclusive, failure rate at most "
         f"{bound:g} % with {100.0 * CONFIDENCE:.0f} % confidence"
     )
     words += "" if bar is None else f" (allowed: {100.0 * bar:.2g} %)"
@@ -58,8 +80,13 @@ def sentence(summary: dict[str, Any]) -> str:
 
 
 def worst_first(rows: Sequence[Row]) -> list[Row]:
-    """Failures before the others, each by their margin; what could not be run comes first."""
-    return sorted(rows, key=lambda row: (row["passed"], -1e9 if row["margin_m"] is None else row["margin_m"]))
+    """Failures, what shows nothing, and passes, each by their margin; what could not be run comes first."""
+    order = [verdict.value for verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.PASS)]
+
+    def badness(row: Row) -> tuple[int, float]:
+        return order.index(row["verdict"]), -1e9 if row["margin_m"] is None else row["margin_m"]
+
+    return sorted(rows, key=badness)
 
 
 def write_campaign_report(
@@ -86,8 +113,10 @@ def _evidence(campaign: Campaign, rows: Sequence[Row]) -> list[Evidence]:
     labels = Counter(row["label"] for row in rows)
     outcomes = Evidence(
         "Outcomes",
-        'A run fails if it touches an obstacle, leaves the road, or breaks off. "infeasible, handled": in some steps '
-        "no plan held all bounds; the controller fell back and came through.",
+        "A run fails if it touches an obstacle, leaves the road, breaks off, stops or creeps where there is a way "
+        "past, or is not driven at the speed asked. What is inconclusive shows nothing and counts as neither: the "
+        'bound is of the others. "infeasible, handled": in some steps no plan held all bounds; the controller fell '
+        "back and came through. All labels: docs/verdicts.md.",
         table=Table(("outcome", "runs"), tuple((label, str(count)) for label, count in labels.most_common())),
     )
     if not any(row["margin_m"] is not None for row in rows):
@@ -120,7 +149,7 @@ def _worst_table(rows: Sequence[Row], ranked: Sequence[Influence]) -> Table:
         tuple(
             (
                 str(row["row"]),
-                "PASS" if row["passed"] else "FAIL",
+                row["verdict"].upper(),
                 row["error"] or row["label"],
                 "–" if row["margin_m"] is None else f"{row['margin_m']:.3f}",
                 *(_short(row["values"][key]) for key in keys),
@@ -153,11 +182,16 @@ def _words(campaign: Campaign, key: str) -> str:
 def junit_cases(campaign: Campaign, rows: Sequence[Row]) -> list[JunitCase]:
     """One for each row."""
     return [
-        JunitCase(
+        _junit_case(
             f"sidestep.campaign.{campaign.name}",
             f"row {row['row']}: " + ", ".join(f"{key}={_short(value)}" for key, value in row["values"].items()),
-            failure="" if row["passed"] or row["error"] else row["label"],
-            error=row["error"] or "",
+            row,
         )
         for row in rows
     ]
+
+
+def _junit_case(group: str, name: str, row: Row) -> JunitCase:
+    if row["error"]:
+        return JunitCase(group, name, error=row["error"])
+    return judged_case(group, name, Verdict(row["verdict"]), row["label"])

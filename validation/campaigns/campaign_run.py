@@ -17,10 +17,11 @@ from joblib import Parallel, delayed, parallel_config
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.campaigns.campaign import Campaign, Case, cases, scenario_of
 from sidestep.validation.campaigns.journal import Row, open_journal, read_journal
-from sidestep.validation.cli.console import progress_bar
+from sidestep.validation.campaigns.rows import check_rows
+from sidestep.validation.console import progress_bar
+from sidestep.validation.judge.simulate import simulate
 from sidestep.validation.judge.summary import versions
 from sidestep.validation.judge.verdict import Judgement
-from sidestep.validation.loop.closed_loop import simulate
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.scenarios.scenario import Scenario
 
@@ -47,7 +48,7 @@ def figures(scenario: Scenario, recording: Recording, judgement: Judgement) -> R
     """What a row keeps of a run; `margin_m` is the smaller one of the clearances to obstacles and edges."""
     gap, edge = judgement.min_clearance, judgement.min_edge_clearance
     row = {
-        "passed": judgement.passed,
+        "verdict": judgement.verdict.value,
         "label": judgement.label,
         "end": recording.end.value,
         "margin_m": edge if gap is None else min(gap, edge),
@@ -65,7 +66,7 @@ def figures(scenario: Scenario, recording: Recording, judgement: Judgement) -> R
 
 def failure(case: Case, error: str) -> Row:
     """The row of a case that could not be run."""
-    return {**asdict(case), "passed": False, "label": ERROR, "end": ERROR, "margin_m": None, "error": error}
+    return {**asdict(case), "verdict": "fail", "label": ERROR, "end": ERROR, "margin_m": None, "error": error}
 
 
 def _peak(values: np.ndarray) -> float:
@@ -88,10 +89,11 @@ def run_campaign(
         All rows of the campaign, in their order.
 
     Raises:
-        InputError: The journal or the cluster cannot be used.
+        InputError: The journal or the cluster cannot be used, or a row that is there is none of this campaign's.
     """
     every = cases(campaign)
     with _workers(jobs, dask) as run, open_journal(file, _head(campaign)) as journal:
+        check_rows(every, journal.rows, file)
         done = {row["row"] for row in journal.rows}
         left = [case for case in every if case.row not in done]
         with progress_bar(campaign.name, len(every), counting=True) as progress:
@@ -106,13 +108,15 @@ def load_rows(file: Path) -> tuple[Campaign, list[Row]]:
     """The specification and the rows of a journal.
 
     Raises:
-        InputError: It is none, or not a campaign's.
+        InputError: It is none, not a campaign's, or holds rows that its campaign does not have.
     """
     head, rows = read_journal(file)
     try:
-        return msgspec.convert({**head["campaign"], "file": head["about"]["file"]}, Campaign), rows
-    except (KeyError, msgspec.ValidationError) as error:
+        campaign = msgspec.convert({**head["campaign"], "file": head["about"]["file"]}, Campaign)
+    except (KeyError, TypeError, msgspec.ValidationError) as error:
         raise InputError(str(file), "was not written by a campaign", "a campaign's .jsonl file") from error
+    check_rows(cases(campaign), rows, file)
+    return campaign, rows
 
 
 def about(campaign: Campaign) -> dict[str, str]:

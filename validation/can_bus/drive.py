@@ -16,26 +16,33 @@ from typing import Any
 import numpy as np
 
 from sidestep.controller import SteeringController
+from sidestep.controller.answer import FEASIBLE_SLACK
 from sidestep.controller.can_port.actuator import ActuatorConfig
 from sidestep.controller.can_port.bus.bus import resolve_spec
 from sidestep.controller.can_port.bus.faults import FaultSpec
-from sidestep.controller.can_port.codec.database import Protection, messages
+from sidestep.controller.can_port.codec.catalogue import BusDescription, own_bus
+from sidestep.controller.can_port.codec.database import CYCLE
 from sidestep.controller.can_port.codec.messages import ActuatorState, QpStatus
+from sidestep.controller.can_port.findings import Finding, findings, state_findings
 from sidestep.controller.can_port.link import Link, RealTimeLink, VirtualTimeLink
-from sidestep.controller.can_port.nodes import CYCLE, ControllerNode, VehicleNode
-from sidestep.controller.steering import FEASIBLE_SLACK
+from sidestep.controller.can_port.nodes import ControllerNode, VehicleNode
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.validation.files import made
 from sidestep.validation.interrupt import interrupts_between_steps
+from sidestep.validation.judge.findings import Verdict, for_the_judge
+from sidestep.validation.judge.run import Run
 from sidestep.validation.judge.summary import summarise
 from sidestep.validation.judge.verdict import judge
+from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.loop.cosimulation import cosimulate
+from sidestep.validation.loop.foreign import is_foreign
+from sidestep.validation.loop.measurement import sensed
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import STEP_UNITS, Recording
+from sidestep.validation.loop.start import reset_to
 from sidestep.validation.scenarios.scenario import Scenario
-from sidestep.validation.studies.runs import Run
 
 PATIENCE = 120.0
 """How long a node waits for the other end, in [s]."""
@@ -86,7 +93,11 @@ class FarController:
             now = self._cycle(state, valid=actuator.state is ActuatorState.STANDBY)
             if actuator.state is ActuatorState.ACTIVE:
                 self.link.begin()
+                self.node.watch.begin(now)
                 return now
+        if actuator.blocked:
+            what = f"{actuator.blocked} commands blocked by the interface's limits, none let pass in {PATIENCE:g} s"
+            raise InputError("can", what, "sidestep can drive with the same --map")
         raise InputError("can", f"no controller answers within {PATIENCE:g} s", "sidestep can drive on the same bus")
 
     def _cycle(self, state: VehicleState, valid: bool = True) -> float:
@@ -124,7 +135,7 @@ def drive_over(
     """
     far = FarController(link, node, lambda: progress(0.0) if progress else None)
     cycle_by_cycle = replace(scenario, controller=replace(scenario.controller, period=CYCLE))
-    recording = cosimulate(far, plant, cycle_by_cycle, far, progress=progress)
+    recording = cosimulate(sensed(far, scenario), plant, cycle_by_cycle, far, progress=progress)
     if isinstance(recording.error, InputError):
         raise recording.error
     return replace(recording, steps=far.steps(), plans=())
@@ -137,18 +148,20 @@ class VirtualRun:
     Attributes:
         recording: What happened.
         vehicle, controller: The two nodes afterwards.
+        findings: What a verdict has to name.
     """
 
     recording: Recording
     vehicle: VehicleNode
     controller: ControllerNode
+    findings: tuple[Finding, ...]
 
 
 def drive_virtual(
     scenario: Scenario,
     plant: Plant,
     faults: FaultSpec | None = None,
-    protection: Protection = "P02",
+    bus: BusDescription | None = None,
     controller: SteeringController | None = None,
 ) -> VirtualRun:
     """Drive a scenario over a faulty bus in virtual time, both nodes in this process.
@@ -157,21 +170,22 @@ def drive_virtual(
         scenario: What to drive.
         plant: Open.
         faults: What goes wrong, in both directions.
-        protection: End-to-end protection.
+        bus: What travels; None for our own messages.
         controller: One to use again; None makes it.
     """
-    catalogue = messages(protection)
-    far = ControllerNode(controller or _controller(scenario), catalogue)
-    vehicle = VehicleNode(catalogue, _actuator(scenario))
-    recording = drive_over(VirtualTimeLink(far, faults, protection), vehicle, plant, scenario)
-    return VirtualRun(recording, vehicle, far)
+    bus = bus or own_bus()
+    catalogue = bus.messages
+    far = ControllerNode(controller or bare_controller(within(scenario, bus)), catalogue, bus.interface)
+    vehicle = VehicleNode(catalogue, _actuator(scenario), bus.interface)
+    recording = drive_over(VirtualTimeLink(far, faults, catalogue), vehicle, plant, scenario)
+    return VirtualRun(recording, vehicle, far, findings(vehicle.watch.record()))
 
 
 def run_plant(
     scenario: Scenario,
     folder: Path,
     can: str = "auto",
-    protection: Protection = "P02",
+    bus: BusDescription | None = None,
     log: str = "can.blf",
     allow_real_bus: bool = False,
     progress: Callable[[float], None] | None = None,
@@ -183,16 +197,21 @@ def run_plant(
         InputError: Plant, bus or folder cannot be used, or no controller answers.
         PlantError: The plant cannot be built or cannot start.
     """
-    node = VehicleNode(messages(protection), _actuator(scenario))
+    bus = bus or own_bus()
+    catalogue = bus.messages
+    node = VehicleNode(catalogue, _actuator(scenario), bus.interface)
     with open_plant(scenario) as plant:
-        start = plant.reset(scenario.start)
-        plant.step(SteeringCommand(start.time, start.steer_angle, scenario.speed), CYCLE)  # load the kernels
+        start, _ = reset_to(plant, scenario.start, scenario.plant)  # refused here, before anything is written
+        if not is_foreign(scenario.plant):  # load the kernels; an FMU has none, and some start only once
+            plant.step(SteeringCommand(start.time, start.steer_angle, scenario.speed), CYCLE)
         with made(folder):
-            link = RealTimeLink(resolve_spec(can, True), _VEHICLE, protection, folder / log, allow_real_bus)
+            link = RealTimeLink(resolve_spec(can, True), _VEHICLE, catalogue, folder / log, allow_real_bus)
         with link, _undisturbed():
             recording = drive_over(link, node, plant, scenario, progress)
-    judgement = judge(recording, scenario)
-    frames = {**link.statistics(), "lost": node.actuator.channel.receiver.lost, **_counts(node)}
+            link.send(node.leave())
+    record = node.watch.record(link.strangers)
+    judgement = judge(recording, scenario, for_the_judge(findings(record)))
+    frames = {**link.statistics(), **record.as_dict()}
     summary = summarise(scenario, recording, judgement, can=frames, coupling="over the bus", command_line=command_line)
     return Run(scenario, recording, judgement, summary, folder)
 
@@ -201,7 +220,7 @@ def run_controller(
     scenario: Scenario,
     folder: Path,
     can: str = "auto",
-    protection: Protection = "P02",
+    bus: BusDescription | None = None,
     log: str = "can.blf",
     allow_real_bus: bool = False,
 ) -> dict[str, Any]:
@@ -213,19 +232,28 @@ def run_controller(
     Raises:
         InputError: Bus or folder cannot be used, or no vehicle answers.
     """
-    controller = _controller(scenario)
+    bus = bus or own_bus()
+    catalogue = bus.messages
+    controller = bare_controller(within(scenario, bus))
     for _ in range(3):
         controller.step(scenario.start)  # load the kernels before the clock runs
-    node = ControllerNode(controller, messages(protection))
+    node = ControllerNode(controller, catalogue, bus.interface)
     with made(folder):
-        link = RealTimeLink(resolve_spec(can, True), _CONTROLLER, protection, folder / log, allow_real_bus, True)
+        link = RealTimeLink(resolve_spec(can, True), _CONTROLLER, catalogue, folder / log, allow_real_bus, True)
     with link, _undisturbed():
         interrupted, share = _serve(link, node)
     if node.heard is None and not interrupted:
         raise InputError("can", f"no vehicle answers within {PATIENCE:g} s", "sidestep can plant on the same bus")
     lost = sum(channel.receiver.lost for channel in node.listener.channels.values())
+    found = () if interrupted else for_the_judge(state_findings(node.record(link.strangers)))
+    worst = next((each for each in found if each.verdict is not Verdict.PASS), None)
     figures = {"lost": lost, "stale_cycles": node.stale_cycles, "processor_share": share, "interrupted": interrupted}
-    return {**link.statistics(node.heard or 0.0), **figures}
+    return {
+        **link.statistics(node.heard or 0.0), **figures,
+        "verdict": worst.verdict.value if worst else "inconclusive" if interrupted else "pass",
+        "label": worst.label if worst else "interrupted" if interrupted else "ok",
+        "findings": [{"label": f.label, "verdict": f.verdict.value, "text": f.text} for f in found],
+    }  # fmt: skip
 
 
 def _serve(link: RealTimeLink, node: ControllerNode) -> tuple[bool, float]:
@@ -246,21 +274,22 @@ def _serve(link: RealTimeLink, node: ControllerNode) -> tuple[bool, float]:
         except KeyboardInterrupt:
             interrupted = True
         finally:
-            link.send(node.leave(now))
+            link.send(node.leave())
     return interrupted, used / max(CYCLE, (node.heard or 0.0) - began[0]) if began else 0.0
 
 
-def _controller(scenario: Scenario) -> SteeringController:
-    return SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
+def within(scenario: Scenario, bus: BusDescription) -> Scenario:
+    """The scenario with a car that steers no faster and no farther than the interface lets pass at its speed."""
+    if bus.interface is None:
+        return scenario
+    car = scenario.vehicle
+    rate = min(car.steer_rate_limit, bus.interface.rate(scenario.speed))
+    limit = min(car.steer_limit, bus.interface.highest(scenario.speed))
+    return replace(scenario, vehicle=replace(car, steer_rate_limit=rate, steer_limit=limit))
 
 
 def _actuator(scenario: Scenario) -> ActuatorConfig:
     return ActuatorConfig(angle_limit=scenario.vehicle.steer_limit)
-
-
-def _counts(node: VehicleNode) -> dict[str, Any]:
-    checks = {status.value: count for status, count in node.actuator.channel.receiver.counts.items()}
-    return {"checks": checks, "implausible": node.actuator.implausible}
 
 
 @contextmanager

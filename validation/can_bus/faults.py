@@ -17,7 +17,7 @@ from rich.table import Table
 from sidestep.controller import SteeringController
 from sidestep.controller.can_port.actuator import Actuator
 from sidestep.controller.can_port.bus.faults import FaultSpec
-from sidestep.controller.can_port.codec.database import Frame
+from sidestep.controller.can_port.codec.database import CYCLE, Frame
 from sidestep.controller.can_port.codec.messages import (
     STEER_CMD,
     ActuatorState,
@@ -25,13 +25,14 @@ from sidestep.controller.can_port.codec.messages import (
     encode_steer_command,
 )
 from sidestep.controller.can_port.link import VirtualTimeLink
-from sidestep.controller.can_port.nodes import CYCLE, ControllerNode, VehicleNode
+from sidestep.controller.can_port.nodes import ControllerNode, VehicleNode
 from sidestep.controller.can_port.protection.e2e import ACCEPTED
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
 from sidestep.validation.can_bus.drive import drive_over
-from sidestep.validation.cli.console import progress_bar
+from sidestep.validation.console import progress_bar
 from sidestep.validation.judge.verdict import judge
+from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import End, Recording
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario
@@ -122,15 +123,15 @@ def safe(outcome: Outcome) -> bool:
 
 
 def passes(outcome: Outcome) -> bool:
-    """Driven without touching anything."""
+    """Driven as asked, whatever the bus did."""
     return judge(outcome.recording, outcome.scenario).passed
 
 
 def stops(outcome: Outcome) -> bool:
-    """Zero steering and a standing car."""
+    """Zero steering and a standing car that touched nothing; that there was a way past is not the bus's to see."""
     recording = outcome.recording
     at_rest = recording["steer_received"][-1] == recording["target_speed"][-1] == 0.0
-    return bool(at_rest) and recording.end is End.STOPPED and passes(outcome)
+    return bool(at_rest) and recording.end is End.STOPPED and not judge(recording, outcome.scenario).touched
 
 
 def recovers(outcome: Outcome) -> bool:
@@ -301,10 +302,7 @@ def _outcomes(cases: list[tuple[Scenario, FaultSpec]]) -> Iterator[Outcome]:
         for scenario, faults in cases:
             name = f"{scenario.name} {scenario.plant.kind}"
             if name not in kept:
-                controller = SteeringController(
-                    scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller
-                )
-                kept[name] = open_plant(scenario), controller
+                kept[name] = open_plant(scenario), bare_controller(scenario)
             yield drive_case(scenario, faults, *kept[name])
     finally:
         for plant, _ in kept.values():

@@ -1,7 +1,8 @@
 """`sidestep can replay`: a log as plant on a bus, or what the controller would have sent."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections import deque
+from collections.abc import Iterable
 from pathlib import Path
 
 import can
@@ -9,28 +10,39 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sidestep.controller import SteeringController
-from sidestep.controller.can_port.bus.bus import Bus
+from sidestep.controller.can_port.bus.bus import Bus, key_of
 from sidestep.controller.can_port.bus.log import read_log
-from sidestep.controller.can_port.codec.database import Frame, Protection, messages
-from sidestep.controller.can_port.codec.messages import STEER_CMD, decode_steer_command
-from sidestep.controller.can_port.nodes import CYCLE, ControllerNode
+from sidestep.controller.can_port.codec.catalogue import BusDescription, own_bus
+from sidestep.controller.can_port.codec.messages import (
+    ANSWERS,
+    STEER_CMD,
+    SteerFrame,
+    decode_steer_command,
+    encode_steer_command,
+)
+from sidestep.controller.can_port.codec.samples import EXACT_ID, LOG_CHANNEL, exact_state, sample_number
+from sidestep.controller.can_port.listener import Assembler, Sample
+from sidestep.controller.can_port.nodes import Steering
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.signals import SteeringCommand, VehicleState
+from sidestep.validation.can_bus.drive import within
 from sidestep.validation.files import made, written_to
+from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.loop.recording import Array, write_columns
 from sidestep.validation.report.style import BLUE, ORANGE, RED, legend, panel, styled, write_figure
-from sidestep.validation.scenarios.scenario import load_scenario
+from sidestep.validation.scenarios.scenario import Scenario
 
 _UNITS = {"time": "s", "logged": "rad", "asked_now": "rad", "difference": "rad"}
 
 
-def replay_as_plant(log: Path, bus: Bus, protection: Protection = "P02") -> int:
+def replay_as_plant(log: Path, bus: Bus, described: BusDescription | None = None) -> int:
     """Send what the vehicle sent, in the log's own time; how many frames the bus took.
 
     Raises:
         InputError: The log cannot be read, or holds none of our messages.
     """
-    ours = {m.frame_id: m.name for m in messages(protection).values() if m.sender != "CTRL"}
-    frames = [message for message in _read(log) if message.arbitration_id in ours]
+    ours = {m.frame_id: m.name for m in (described or own_bus()).messages.values() if m.sender != "CTRL"}
+    frames = [message for message in _read(log) if key_of(message) in ours]
     if not frames:
         raise InputError(str(log), "holds no frame of a vehicle", f"a log with {', '.join(ours.values())}")
     zero, sent = time.monotonic() - frames[0].timestamp, 0
@@ -40,18 +52,17 @@ def replay_as_plant(log: Path, bus: Bus, protection: Protection = "P02") -> int:
     return sent
 
 
-def what_if(log: Path, name: str, out: Path, protection: Protection = "P02") -> int:
+def what_if(log: Path, scenario: Scenario, out: Path, described: BusDescription | None = None) -> int:
     """Feed a log to a scenario's controller, compare its steering with the log's; print, write and plot it.
 
     Raises:
         InputError: Log, scenario or folder cannot be used.
     """
-    scenario = load_scenario(name)
-    controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
-    columns = compare(_read(log), ControllerNode(controller, messages(protection)), protection)
+    bus = described or own_bus()
+    columns, missing = compare(_read(log), bare_controller(within(scenario, bus)), bus)
     if not len(columns["time"]):
-        allowed = "a log of both nodes, as `sidestep can drive` writes one, with the same protection"
-        raise InputError(str(log), "never has both a state to steer by and a command to compare with", allowed)
+        allowed = "a log of both nodes, as `sidestep can drive` writes one, with the same protection and mapping"
+        raise InputError(str(log), "never has both a state to steer by and a command that answers it", allowed)
     with made(out), written_to(out):
         write_columns(out / "what_if.csv", columns, _UNITS)
         write_figure(out / "what_if.svg", figure(columns))
@@ -60,6 +71,8 @@ def what_if(log: Path, name: str, out: Path, protection: Protection = "P02") -> 
         f"{len(difference)} commands compared: difference RMS {np.sqrt(np.mean(difference**2)):.5f} rad, "
         f"largest {difference.max():.5f} rad\nplot: {out / 'what_if.svg'}"
     )
+    if missing:
+        print(f"{missing} commands are missing in the log: what the controller made of them is not in it")
     return 0
 
 
@@ -84,35 +97,75 @@ def _read(log: Path) -> list[can.Message]:
 _LOGS = ".blf, .asc, .log (candump) or .csv with CAN frames, as python-can writes them"
 
 
-def compare(log: Sequence[can.Message], node: ControllerNode, protection: Protection = "P02") -> dict[str, Array]:
-    """Columns time, logged angle, the node's angle, and their difference, wherever both are enabled."""
-    message = messages(protection)["STEER_CMD"]
-    rows: list[tuple[float, float, float]] = []
-    for now, frames in _cycles(log):
-        logged = [data for frame_id, data in frames if frame_id == STEER_CMD.frame_id]
-        heard = [frame for frame in frames if frame[0] != STEER_CMD.frame_id]
-        answers = dict(node.step(now, heard))
-        mine = decode_steer_command(answers[STEER_CMD.frame_id], now, message)
-        for data in logged[-1:]:
-            theirs = decode_steer_command(data, now, message)
-            if mine.enable and theirs.enable:
-                rows.append((now, theirs.command.steer_angle, mine.command.steer_angle))
-    time_, logged_angle, asked = np.array(rows, dtype=float).reshape(-1, 3).T
-    return {"time": time_, "logged": logged_angle, "asked_now": asked, "difference": asked - logged_angle}
+def compare(
+    log: Iterable[can.Message], controller: SteeringController, bus: BusDescription | None = None
+) -> tuple[dict[str, Array], int]:
+    """Ask a controller again: one step for every logged command, at the state that the command says it answers.
+
+    Returns:
+        Columns time, logged angle, the controller's angle, and their difference, wherever the logged command is
+        enabled; and how many commands the log lacks by its alive counters.
+    """
+    asked = _Asked(controller, bus or own_bus())
+    rows = [row for message in log if (row := asked.about(message))]
+    time_, logged_angle, mine = np.array(rows, dtype=float).reshape(-1, 3).T
+    return {"time": time_, "logged": logged_angle, "asked_now": mine, "difference": mine - logged_angle}, asked.missing
 
 
-def _cycles(log: Sequence[can.Message]) -> Iterator[tuple[float, list[Frame]]]:
-    """The log cycle by cycle: a cycle ends with the controller's command, or when its time is over."""
-    frames: list[Frame] = []
-    ends = log[0].timestamp + CYCLE if log else 0.0
-    for message in log:
-        while message.timestamp > ends + 0.5 * CYCLE:
-            yield ends, frames
-            frames, ends = [], ends + CYCLE
-        frames.append((message.arbitration_id, bytes(message.data)))
-        if message.arbitration_id == STEER_CMD.frame_id:
-            yield message.timestamp, frames
-            frames, ends = [], message.timestamp + CYCLE
+class _Asked:
+    """A controller at the end of a log."""
+
+    def __init__(self, controller: SteeringController, bus: BusDescription):
+        self.missing = 0
+        self._command = bus.messages[STEER_CMD.name]
+        self._steering = Steering(controller, self._command.cycle, bus.interface)
+        self._assembler = Assembler(bus.messages)
+        self._samples: deque[Sample] = deque(maxlen=ANSWERS)
+        self._exact: dict[int, SteeringCommand] = {}
+        self._controller = controller
+        self._counter: int | None = None
+
+    def about(self, message: can.Message) -> tuple[float, float, float] | None:
+        """Take in a frame of the log; time and both angles if it is an enabled command with a state to answer."""
+        if message.channel == LOG_CHANNEL and message.arbitration_id == EXACT_ID:
+            self._take_exact(exact_state(message.data))
+        elif key_of(message) == self._command.frame_id:
+            return self._take_command(message)
+        elif part := self._assembler.messages.get(key_of(message)):
+            counter = part.profile.counter_of(message.data) if len(message.data) == part.length else None
+            if counter is not None and (sample := self._assembler.add(part.frame_id, counter, message.data)):
+                self._samples.append(sample)
+        return None
+
+    def _take_exact(self, state: VehicleState) -> None:
+        """The state of a run's own log: the controller was stepped there and then."""
+        if not self._exact:
+            self._controller.reset()
+        number = sample_number(state.time) % ANSWERS
+        self._exact.pop(number, None)
+        self._exact[number] = self._controller.step(state)
+
+    def _take_command(self, message: can.Message) -> tuple[float, float, float] | None:
+        data, time = bytes(message.data), message.timestamp
+        counter = self._command.profile.counter_of(data) if len(data) == self._command.length else None
+        if counter is None or (counter == self._counter and self._command.profile.counters > 1):
+            return None
+        if self._counter is not None:
+            self.missing += (counter - self._counter - 1) % self._command.profile.counters
+        self._counter = counter
+        theirs = decode_steer_command(data, time, self._command)
+        mine = self._answer(theirs) if theirs.enable else self._steering.pause()
+        if mine is None:
+            return None
+        again = decode_steer_command(encode_steer_command(mine, counter, message=self._command), time, self._command)
+        return time, theirs.command.steer_angle, again.command.steer_angle
+
+    def _answer(self, theirs: SteerFrame) -> SteeringCommand | None:
+        if self._exact:
+            return self._exact.get(theirs.answers) if theirs.answers is not None else None
+        answered = (s for s in reversed(self._samples) if theirs.answers is None or s.answers == theirs.answers)
+        sample = next(answered, None)
+        return self._steering.answer(sample) if sample else None
 
 
 def figure(columns: dict[str, Array]) -> Figure:

@@ -45,8 +45,8 @@ def _campaign(options: argparse.Namespace) -> int:
         write_junit(options.junit, campaign.name, junit_cases(campaign, rows))
     print(sentence(summary))
     for row in rows:
-        if not row["passed"]:
-            print(f"row {row['row']}: {row['error'] or row['label']}")
+        if row["verdict"] != "pass":
+            print(f"row {row['row']}: {row['verdict']}: {row['error'] or row['label']}")
     print(f"report: {out / 'report.html'}; replay: sidestep run --from {shlex.quote(str(out / 'campaign.jsonl'))}:ROW")
     return 0 if summary["verdict"] == "pass" else 1
 

@@ -2,6 +2,7 @@
 
 import argparse
 import signal
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.cli.arguments import positive_number, refuse_beside, seed, whole_number
+from sidestep.validation.cli.bus_maps import add_bus_map, described
 
 if TYPE_CHECKING:
     from sidestep.controller.can_port.bus.bus import Bus
@@ -25,8 +27,9 @@ def add_can(commands: argparse._SubParsersAction) -> None:
     parts = can.add_subparsers(title="commands", required=True, metavar="COMMAND")
     drive = _node(parts, "drive", "the controller as a node: state in, steering out, every 10 ms", _drive)
     plant = _node(parts, "plant", "plant, steering actuator and sensors as a node", _plant)
-    plant.add_argument("--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, or an .fmu file")
-    plant.add_argument("--map", type=Path, metavar="MAP.toml", help="mapping file of an FMU that is not ours")
+    plant.add_argument(
+        "--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, an .fmu file, or MODULE:FACTORY"
+    )
     plant.set_defaults(isolate=None)
     for part in (drive, plant):
         part.add_argument(
@@ -40,6 +43,7 @@ def add_can(commands: argparse._SubParsersAction) -> None:
     until.add_argument("--duration", type=positive_number, metavar="S", help="end after so many seconds")
     monitor.add_argument("--candump", metavar="FILE", help="write what candump -L would; - for the terminal")
     monitor.add_argument("--log", type=Path, metavar="FILE", help="log to .blf, .asc, .log or .csv")
+    monitor.add_argument("--overwrite", action="store_true", help="these files may be there already")
     monitor.set_defaults(command=_monitor)
     replay = parts.add_parser("replay", help="a log as plant on a bus, or what the controller would have sent")
     replay.add_argument("log", type=Path, metavar="LOG", help=".blf, .asc, .log or .csv")
@@ -53,6 +57,11 @@ def add_can(commands: argparse._SubParsersAction) -> None:
     faults.add_argument("--seed", type=seed, help="of the first case (default: 0)")
     faults.add_argument("--spec", type=Path, metavar="FAULTS.toml", help="one description instead of the cases")
     faults.set_defaults(command=_faults)
+    proposal = parts.add_parser("map", help="propose a mapping file for somebody else's database")
+    proposal.add_argument("file", nargs="?", type=Path, metavar="FILE", help=".dbc, .kcd, .sym or .arxml")
+    proposal.add_argument("--list", action="store_true", help="the mapping files that come with sidestep")
+    proposal.add_argument("--out", type=Path, metavar="BUS.toml", help="write it there; default: to the terminal")
+    proposal.set_defaults(command=_map)
     dbc = parts.add_parser("dbc", help="the message database, to stdout")
     dbc.add_argument("--format", default="dbc", choices=("dbc", "kcd", "sym", "json"), help="default: %(default)s")
     _protection_options(dbc)
@@ -64,12 +73,13 @@ def _node(parts: argparse._SubParsersAction, name: str, words: str, command: Any
     node.add_argument("scenario", metavar="SCENARIO", help="a name that `sidestep scenarios` lists, or a TOML file")
     node.add_argument("--out", type=Path, metavar="DIR", help="default: runs/<time>-<scenario>")
     node.add_argument("--log", default="can.blf", metavar="NAME", help="log file in it (.blf, .asc, .log, .csv)")
-    _bus_options(node)
+    _bus_options(node, "; and, of the plant, that of a foreign FMU" if name == "plant" else "")
     node.set_defaults(command=command)
     return node
 
 
-def _bus_options(parser: argparse.ArgumentParser) -> None:
+def _bus_options(parser: argparse.ArgumentParser, also: str = "") -> None:
+    add_bus_map(parser, also)
     parser.add_argument(
         "--can", default="auto", metavar="BUS", help="auto (default), udp_multicast:GROUP:PORT, socketcan:vcan0"
     )
@@ -85,12 +95,13 @@ def _protection_options(parser: argparse.ArgumentParser) -> None:
     kinds.add_argument("--no-e2e", dest="protection", action="store_const", const="none", help="no protection")
 
 
-def _shared_bus(options: argparse.Namespace) -> "Bus":
+def _shared_bus(options: argparse.Namespace, everything: bool = False) -> "Bus":
     from sidestep.controller.can_port.bus.bus import Bus, resolve_spec
 
     _require_shared(options)
     spec = resolve_spec(options.can, several_processes=True)
-    return Bus(spec, fd=options.protection == "P05", allow_real_bus=options.allow_real_bus)
+    fd = everything or any(message.is_fd for message in described(options).messages.values())
+    return Bus(spec, fd=fd, allow_real_bus=options.allow_real_bus, everything=everything)
 
 
 def _require_shared(options: argparse.Namespace) -> None:
@@ -109,36 +120,45 @@ def _drive(options: argparse.Namespace) -> int:
     from sidestep.validation.scenarios.scenario import load_scenario
 
     _require_shared(options)
+    for key in (change.partition("=")[0].strip() for change in options.overrides):
+        if f"{key}.".startswith("plant."):
+            raise InputError(f"--set {key}", "makes no difference at the controller's end", "sidestep can plant")
     scenario = load_scenario(options.scenario, options.overrides)
+    bus = described(options, scenario)
     folder = _folder(options, f"{scenario.name}-controller")
     with _terminated_as_interrupted():
         figures = run_controller(
-            scenario, folder, options.can, options.protection, options.log, options.allow_real_bus
+            scenario, folder, options.can, bus, options.log, options.allow_real_bus
         )  # fmt: skip
     with written_to(folder):
-        summary = {"scenario": scenario.name, "command_line": options.command_line, "can": figures}
+        said = {name: figures.pop(name) for name in ("verdict", "label", "findings")}
+        summary = {"scenario": scenario.name, "command_line": options.command_line, **said, "can": figures}
         write_text(folder / "summary.json", strict_json(summary))
+    print(f"{said['verdict']}: {said['label']}")
+    for finding in said["findings"]:
+        print(f"{finding['label']}: {finding['text']}")
     print(_timing(figures))
     print(f"log: {folder / options.log}")
     if figures["interrupted"]:
         raise KeyboardInterrupt
-    return 0
+    return 0 if said["verdict"] == "pass" else 1
 
 
 def _plant(options: argparse.Namespace) -> int:
     from sidestep.validation.can_bus.drive import run_plant
-    from sidestep.validation.cli.console import print_runs, progress_bar
     from sidestep.validation.cli.main import plant_overrides
+    from sidestep.validation.console import print_runs, progress_bar
     from sidestep.validation.report.report import write_run
     from sidestep.validation.scenarios.scenario import load_scenario
 
     _require_shared(options)
     scenario = load_scenario(options.scenario, [*options.overrides, *plant_overrides(options)])
+    bus = described(options, scenario)
     folder = _folder(options, scenario.name)
     bar = progress_bar(f"{scenario.name} on {scenario.plant.name}", scenario.duration)
     with _terminated_as_interrupted(), bar as progress:
         run = run_plant(
-            scenario, folder, options.can, options.protection, options.log, options.allow_real_bus, progress,
+            scenario, folder, options.can, bus, options.log, options.allow_real_bus, progress,
             options.command_line,
         )  # fmt: skip
     write_run(run)
@@ -174,22 +194,29 @@ def _timing(figures: dict[str, Any]) -> str:
 def _monitor(options: argparse.Namespace) -> int:
     from sidestep.validation.can_bus.monitor import monitor
 
-    with _shared_bus(options) as bus:
-        monitor(bus, options.protection, 1.0 if options.once else options.duration, options.candump, options.log)
+    if options.overwrite and not (options.log or options.candump not in (None, "-")):
+        raise InputError("--overwrite", "makes no difference without a file", "--candump FILE or --log FILE")
+    duration = 1.0 if options.once else options.duration
+    with _shared_bus(options, everything=True) as bus:
+        monitor(bus, described(options), duration, options.candump, options.log, options.overwrite)
     return 0
 
 
 def _replay(options: argparse.Namespace) -> int:
     from sidestep.validation.can_bus.replay import replay_as_plant, what_if
+    from sidestep.validation.scenarios.scenario import load_scenario
 
     if options.what_if:
-        bus = None if options.can == "auto" else options.can
-        refuse_beside("--what-if", {"--can": bus, "--allow-real-bus": options.allow_real_bus})
-        return what_if(options.log, options.what_if, options.out or Path("what-if"), options.protection)
+        refuse_beside(
+            "--what-if",
+            {"--can": None if options.can == "auto" else options.can, "--allow-real-bus": options.allow_real_bus},
+        )
+        scenario = load_scenario(options.what_if)
+        return what_if(options.log, scenario, options.out or Path("what-if"), described(options, scenario))
     if options.out:
         raise InputError("--out", "makes no difference without --what-if", "both, or neither")
     with _shared_bus(options) as bus:
-        print(f"{replay_as_plant(options.log, bus, options.protection)} frames sent on {bus.spec}")
+        print(f"{replay_as_plant(options.log, bus, described(options))} frames sent on {bus.spec}")
     return 0
 
 
@@ -201,6 +228,34 @@ def _faults(options: argparse.Namespace) -> int:
         refuse_beside("--spec", others)
         return one_case(options.spec)
     return campaign(options.count or _CASES, options.corrupt or _CORRUPT, options.seed or 0)
+
+
+def _map(options: argparse.Namespace) -> int:
+    from sidestep.controller.can_port.codec.catalogue import built_in_maps, map_file
+    from sidestep.controller.can_port.codec.foreign import load_database
+    from sidestep.controller.can_port.codec.mapping import read_bus_file
+    from sidestep.controller.can_port.codec.proposal import proposed
+    from sidestep.validation.files import write_text
+
+    if options.list == (options.file is not None):
+        raise InputError("can map", "one thing at a time", "FILE, or --list")
+    if options.list:
+        refuse_beside("--list", {"--out": options.out})
+        for name in built_in_maps():
+            file = read_bus_file(map_file(name))
+            print(f"{name:16}{file.name}{'' if file.dbc else '; needs --dbc'}")
+        return 0
+    database, remarks = load_database(options.file)
+    if remarks:
+        print(f"sidestep: {options.file}: read in spite of: {remarks}", file=sys.stderr)
+    text = proposed(database, options.file)
+    if options.out is None:
+        print(text, end="")
+    else:
+        if options.out.exists():
+            raise InputError(str(options.out), "is there already", "another name")
+        write_text(options.out, text)
+    return 0
 
 
 def _dbc(options: argparse.Namespace) -> int:

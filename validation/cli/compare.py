@@ -34,8 +34,8 @@ def add_golden(commands: argparse._SubParsersAction) -> None:
 def _compare(options: argparse.Namespace) -> int:
     from sidestep.validation.files import check_file, made
     from sidestep.validation.judge.summary import versions
-    from sidestep.validation.model_error.credibility import write_credibility_report
     from sidestep.validation.report.compare.compare import evidence, pairs, read_runs
+    from sidestep.validation.report.credibility import write_credibility_report
     from sidestep.validation.report.exports.junit import JunitCase, write_junit
 
     check_file(options.junit, "--junit")
@@ -69,7 +69,9 @@ def _record(options: argparse.Namespace) -> int:
 
     run = read_runs([options.run])[0]
     if run.summary["verdict"] != "pass":
-        raise InputError(str(options.run), f"is a run that failed: {run.summary['label']}", "one that passed")
+        raise InputError(
+            str(options.run), f"did not pass: {run.summary['verdict']}: {run.summary['label']}", "one that did"
+        )
     record(run.samples, run.summary["scenario"], options.file)
     print(f"golden: {options.file}")
     return 0

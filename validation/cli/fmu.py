@@ -1,7 +1,6 @@
 """The `sidestep fmu` commands."""
 
 import argparse
-import shutil
 from pathlib import Path
 
 from sidestep.plant_models.errors import InputError
@@ -54,6 +53,10 @@ def _add_info(commands: argparse._SubParsersAction) -> None:
 def _add_check(commands: argparse._SubParsersAction) -> None:
     check = commands.add_parser("check", help="what is wrong with an FMU: ours, fmpy's and fmutool's findings")
     check.add_argument("file", type=Path, metavar="FILE")
+    check.add_argument(
+        "--map", type=Path, metavar="MAP.toml",
+        help="also drive it by this mapping: signs, units, ratios, reference point, and the car of its [vehicle]",
+    )  # fmt: skip
     check.set_defaults(command=_check)
 
 
@@ -102,14 +105,15 @@ def _export(options: argparse.Namespace) -> int:
 def _info(options: argparse.Namespace) -> int:
     from sidestep.fmu.importing.archive import unpack
     from sidestep.fmu.importing.proposal import describe, propose_mapping
+    from sidestep.fmu.scratch import discard
     from sidestep.validation.files import check_file, write_text, written_file
 
     check_file(options.map, "--map")
-    fmu = unpack(options.file)
+    fmu = unpack(options.file, to_run=False)
     try:
         text, proposal = describe(fmu), propose_mapping(fmu, options.file)
     finally:
-        shutil.rmtree(fmu.folder, ignore_errors=True)
+        discard(fmu.folder)
     print(f"{text}\n\n{proposal}", end="")
     if options.map:
         with written_file(options.map, "--map"):
@@ -123,6 +127,10 @@ def _check(options: argparse.Namespace) -> int:
     if not options.file.is_file():
         raise InputError(str(options.file), "no such file", "an .fmu file")
     findings = check_fmu(options.file)
+    if options.map:
+        from sidestep.fmu.importing.driven_check import check_driven
+
+        findings += [("driven", finding) for finding in check_driven(options.file, options.map)]
     for who, what in findings:
         print(f"{who:10}{what}")
     if not findings:

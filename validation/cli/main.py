@@ -1,7 +1,7 @@
 """The `sidestep` command: one function per subcommand, heavy imports only in the one that runs.
 
-Exit status: 0 pass, 1 the run ended and its verdict is fail (or nobody reads what it prints any more), 2 bad input or
-usage, 130 interrupted.
+Exit status: 0 pass, 1 the run ended and its verdict is fail or inconclusive (or nobody reads what it prints any more),
+2 bad input or usage, 130 interrupted.
 """
 
 import argparse
@@ -18,12 +18,14 @@ from typing import NoReturn
 
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.validation.cli.arguments import positive_number
+from sidestep.validation.cli.bus_maps import add_bus_map, described, split_maps
 from sidestep.validation.cli.campaign import add_campaign
 from sidestep.validation.cli.can import add_can
 from sidestep.validation.cli.compare import add_compare, add_golden
 from sidestep.validation.cli.fmu import add_fmu
 from sidestep.validation.cli.limits import add_limits
 from sidestep.validation.cli.validate import add_validate
+from sidestep.validation.cli.vehicles import add_vehicles
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
@@ -77,7 +79,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=version("sidestep"))
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    own = (_add_demo, _add_run, _add_scenarios, add_validate, add_campaign, _add_bench)
+    own = (_add_demo, _add_run, _add_scenarios, add_vehicles, add_validate, add_campaign, _add_bench)
     for add in (*own, add_compare, add_golden, add_limits, add_fmu, add_can):
         add(commands)
     return parser
@@ -96,11 +98,17 @@ def _add_run(commands: argparse._SubParsersAction) -> None:
         "scenario", nargs="?", metavar="SCENARIO", help="a name that `sidestep scenarios` lists, or a TOML file"
     )
     what.add_argument("--from", dest="row", metavar="FILE.jsonl:ROW", help="a row of a campaign, exactly as it was")
-    run.add_argument("--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, or an .fmu file")
-    run.add_argument("--map", type=Path, metavar="MAP.toml", help="mapping file of an FMU that is not ours")
+    run.add_argument(
+        "--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, an .fmu file, or MODULE:FACTORY"
+    )
+    add_bus_map(run, "; and that of an FMU that is not ours")
     run.add_argument(
         "--isolate", type=positive_number, nargs="?", const=5.0, metavar="SECONDS",
         help="run an FMU in a process of its own, with this time limit a step (default: %(const)s)",
+    )  # fmt: skip
+    run.add_argument(
+        "--accept-start", action="store_true",
+        help="drive a plant that does not start where it is put from where it does; the summary tells both",
     )  # fmt: skip
     run.add_argument("--can", metavar="BUS", help="auto (default), off (default with --from), or INTERFACE:CHANNEL")
     run.add_argument("--allow-real-bus", action="store_true", help="let that bus reach hardware")
@@ -143,18 +151,23 @@ def _bench(options: argparse.Namespace) -> int:
 
 
 def _scenarios(options: argparse.Namespace) -> int:
-    from sidestep.validation.scenarios.scenario import built_in_scenarios, load_scenario
+    from sidestep.validation.scenarios.library import built_in_scenarios, outline
 
     for name in built_in_scenarios():
-        scenario = load_scenario(name)
-        print(f"{name:18}{scenario.speed:5.1f} m/s  {scenario.path.length:4.0f} m  {scenario.description}")
+        one = outline(name)
+        print(f"{name:18}{one.speed:5.1f} m/s  {one.length:4.0f} m  {one.description}")
     return 0
 
 
 def _run(options: argparse.Namespace) -> int:
+    from sidestep.validation.scenarios.library import read_scenario
+
+    if options.row is None:
+        read_scenario(options.scenario)  # a mistyped name need not wait for all that is below
     from sidestep.validation.cli.campaign import compared_to_row, replayed
-    from sidestep.validation.cli.console import print_runs, progress_bar
+    from sidestep.validation.console import print_runs, progress_bar, warn
     from sidestep.validation.files import check_file
+    from sidestep.validation.loop.foreign import plant_doubts
     from sidestep.validation.report.exports.junit import write_junit
     from sidestep.validation.report.exports.mdf import require_mdf, write_mdf
     from sidestep.validation.report.report import junit_case, write_run
@@ -162,7 +175,8 @@ def _run(options: argparse.Namespace) -> int:
     from sidestep.validation.studies.runs import drive
 
     isolated = [] if options.isolate is None else [f"plant.isolate={options.isolate}"]
-    changes = [*options.overrides, *plant_overrides(options), *isolated]
+    accepted = ["plant.accept_start=true"] if options.accept_start else []
+    changes = [*options.overrides, *plant_overrides(options), *isolated, *accepted]
     row, can = None, ("off" if options.row else "auto") if options.can is None else options.can
     if options.row is not None:
         scenario, row = replayed(options.row, changes)
@@ -173,10 +187,11 @@ def _run(options: argparse.Namespace) -> int:
         require_mdf()
     check_file(options.junit, "--junit")
     check_file(options.render, "--render")
+    warn(plant_doubts(scenario))
     with progress_bar(f"{scenario.name} on {scenario.plant.name}", scenario.duration) as progress:
         run = drive(
             scenario, folder, can, options.coupling, options.allow_real_bus, options.view, progress,
-            options.command_line, options.render,
+            options.command_line, options.render, described(options, scenario).messages["STEER_CMD"],
         )  # fmt: skip
         write_run(run)
     if options.mf4:
@@ -198,6 +213,7 @@ def plant_overrides(options: argparse.Namespace) -> list[str]:
     if options.plant is not None:
         plant = str(Path(options.plant).absolute()) if options.plant.endswith(".fmu") else options.plant
         overrides.append(f"plant.kind={json.dumps(plant)}")
-    if options.map:
-        overrides.append(f"plant.map={json.dumps(str(options.map.absolute()))}")
+    _, maps = split_maps([str(name) for name in options.map or []])
+    if maps:
+        overrides.append(f"plant.map={json.dumps(str(maps[0].absolute()))}")
     return overrides

@@ -40,7 +40,7 @@ def add_validate(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_plant(parser: argparse.ArgumentParser, plant: str) -> None:
-    kinds = "linear, single-track, double-track, mujoco, or an .fmu file; default: %(default)s"
+    kinds = "linear, single-track, double-track, mujoco, an .fmu file, or MODULE:FACTORY; default: %(default)s"
     parser.add_argument("--plant", default=plant, metavar="PLANT", help=kinds)
     parser.add_argument("--map", type=Path, metavar="MAP.toml", help="mapping file of an FMU or a log that is not ours")
     parser.set_defaults(default_plant=plant)
@@ -96,7 +96,10 @@ def _validate(options: argparse.Namespace) -> int:
         unused = "--junit" if options.manoeuvre in MANOEUVRES else "--out"
         refuse_beside(f"--manoeuvre {options.manoeuvre}", cells | {unused: given[unused]})
         return run_manoeuvre(options.manoeuvre, overrides, out, options.junit)
-    from sidestep.validation.model_error.envelope import frictions_of, open_loop_scenario
+    from sidestep.validation.console import warn
+    from sidestep.validation.loop.foreign import plant_doubts
+    from sidestep.validation.manoeuvres.scene import open_loop_scenario
+    from sidestep.validation.model_error.envelope import frictions_of
     from sidestep.validation.model_error.plant_report import validate_plant
     from sidestep.validation.model_error.validate import checks_of, junit_cases, write_figures
     from sidestep.validation.report.exports.junit import write_junit
@@ -106,7 +109,9 @@ def _validate(options: argparse.Namespace) -> int:
         if options.plant != "mujoco":
             raise InputError("--plant", f"no checks for {options.plant!r}", "mujoco")
     else:
-        frictions_of(open_loop_scenario(overrides))  # what is wrong shows here, before checks that take minutes
+        scenario = open_loop_scenario(overrides)
+        frictions_of(scenario)  # what is wrong shows here, before checks that take minutes
+        warn(plant_doubts(scenario))
     with made(out) if options.out or not options.checks else nullcontext():
         checks = checks_of(options.plant)
     if checks and options.out:
@@ -120,6 +125,9 @@ def _validate(options: argparse.Namespace) -> int:
 
 def _identify(options: argparse.Namespace) -> int:
     from sidestep.validation.cli.main import plant_overrides
+    from sidestep.validation.console import warn
+    from sidestep.validation.loop.foreign import plant_doubts
+    from sidestep.validation.manoeuvres.scene import open_loop_scenario
     from sidestep.validation.model_error.identification.identify import identify_plant
 
     if options.log is not None:
@@ -127,5 +135,6 @@ def _identify(options: argparse.Namespace) -> int:
 
         _refuse_beside_log(options, {"--set": options.overrides})
         return identify_from_log(options.log, options.map, options.out, options.command_line)
-
-    return identify_plant([*options.overrides, *plant_overrides(options)], options.out, options.command_line)
+    overrides = [*options.overrides, *plant_overrides(options)]
+    warn(plant_doubts(open_loop_scenario(overrides, noisy=True)))
+    return identify_plant(overrides, options.out, options.command_line)

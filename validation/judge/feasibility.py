@@ -1,39 +1,39 @@
 """Is there a way through? A label for a scene from a search that shares no code with the controller.
 
-Reachability on a grid, depth first and layer by layer of time: the car is a box on a kinematic path whose curvature
-changes at a bounded rate and whose lateral acceleration is bounded. Every grid cell (l, heading, curvature)
-of a layer keeps the first state that reached it exactly as it got there, nothing is snapped to the grid. So a
-"yes" always comes with a trajectory that was checked against the exact boxes and edges all along, a witness;
-a "no" says that the grid found none. A stop counts if nothing hits the standing car afterwards, either.
+What is asked is always for a clearance: scenes are labelled for MARGIN; whether a car that stopped had a way past is
+asked for the buffer that its own controller keeps (`way_past`), and at lower speeds, too.
+
+The search is that of `reachability`: a "yes" always comes with a trajectory that was checked against the exact boxes
+and edges all along, a witness; a "no" says that the grid found none. A stop counts if nothing hits the standing car
+afterwards, either.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 
-from sidestep.plant_models.road.clothoid import Array, curvature_at, point_at
 from sidestep.plant_models.vehicle.parameters import GRAVITY
+from sidestep.validation.geometry import Array
+from sidestep.validation.judge.reachability import LAYER, SUBSTEPS, depth_first
 from sidestep.validation.scenarios.scenario import Scenario
 
 MARGIN = 0.10
-"""Distance of the witness from every obstacle and edge at least, in [m]."""
-LATERAL_SHARE, BRAKING_SHARE, GRIP_SHARE = 0.7, 0.8, 0.9
-"""Lateral acceleration and braking that the witness may use, as shares of mu g and of max_braking, and of the
-friction circle together."""
-STEER_SHARE, MAX_JERK = 0.7, 40.0
-"""Share of the steering rate limit that the witness uses, and its lateral jerk at most, in [m/s^3]."""
+"""Distance of the witness from every obstacle and edge at least where scenes are labelled, in [m]."""
+LATERAL_SHARE, BRAKING_SHARE, ACCELERATION_SHARE, GRIP_SHARE = 0.7, 0.8, 0.8, 0.9
+"""Lateral acceleration, braking and driving that the witness may use, as shares of mu g, max_braking and
+max_acceleration, and of the friction circle together."""
+STEER_SHARE = 0.7
+"""Share of the steering rate limit that the witness uses."""
 REACTION_TIME = 0.3
 """Before the witness brakes, in [s]."""
 
-LAYER, SUBSTEPS = 0.2, 6
-"""Time between two decisions, in [s], and exact checks within it."""
-_OFFSET_CELL, _HEADING_CELLS, _CURVATURE_CELLS = 0.2, 10, 6
-_BUILD_UP = 1.2  # of the tightest curvature that is of use, in [s]
-_MOVES = np.array([0.0, -0.5, 0.5, -1.0, 1.0])  # share of the curvature limit, on top of the road's
 HORIZON = 20.0
-"""Time at most until all is passed, and until which nothing hits the car after its stop, in [s]."""
+"""Until which nothing hits the car after its stop, in [s]."""
+LONGEST = 60.0
+"""Time of a way past at most, in [s]; what takes longer counts as not found."""
+SPEED_SHARES = (1.0, 0.5, 0.25)
+"""Of the asked speed, at which a way past is looked for, the fastest first."""
 BRAKE_LATER = np.arange(0.0, 6.0, 0.6)
 """Tried one after another on top of the reaction time, in [s]."""
 
@@ -43,53 +43,146 @@ class Feasibility:
     """What physics allows in a scene.
 
     Attributes:
-        passable: At constant speed there is a way past all obstacles.
+        passable: At the asked speed there is a way past all obstacles.
         stoppable: There is a way to a standstill.
         witness: Rows of time [s], s, l [m], heading relative to the road [rad], path curvature [1/m], speed [m/s]
             of the way through if there is one, else of the stop; empty if there is neither.
+        clearance: For which this holds, to every obstacle and edge, in [m].
     """
 
     passable: bool
     stoppable: bool
     witness: Array
+    clearance: float
 
 
-def assess(scenario: Scenario) -> Feasibility:
-    """Search for a way through, and for a stop, the earliest one first."""
-    way = _search(scenario, math.inf, _time_to_pass(scenario))
-    stops = (_search(scenario, start, HORIZON) for start in REACTION_TIME + BRAKE_LATER)
+def assess(scenario: Scenario, clearance: float = MARGIN) -> Feasibility:
+    """Search for a way through, and for a stop, the earliest one first.
+
+    Args:
+        scenario: Its plant's friction counts.
+        clearance: From every obstacle and edge at least, in [m].
+    """
+    way = _through(scenario, clearance, 1.0)
+    brakes = (REACTION_TIME + BRAKE_LATER).tolist()
+    stops = (_search(scenario, _Profile(0.0, start, HORIZON), clearance) for start in brakes)
     stop = next((found for found in stops if len(found)), way[:0])
-    return Feasibility(len(way) > 0, len(stop) > 0, way if len(way) else stop)
+    return Feasibility(len(way) > 0, len(stop) > 0, way if len(way) else stop, clearance)
 
 
-def _time_to_pass(scenario: Scenario) -> float:
-    """Until the car, at its speed, has all obstacles behind it, and a second more, in [s]."""
-    speed = scenario.start.v_x
-    reach = scenario.vehicle.length
-    times = [(o.s + o.length / 2.0 + reach) / max(speed - o.speed, 1e-3) for o in scenario.obstacles]
-    return min(1.1 * max(times, default=0.0) + 1.0, HORIZON)
+@dataclass(frozen=True)
+class WayPast:
+    """That there is a way past all obstacles.
+
+    Attributes:
+        share: Of the asked speed at which it was found.
+        clearance: Kept to every obstacle and edge, in [m].
+        witness: See Feasibility.
+    """
+
+    share: float
+    clearance: float
+    witness: Array
+
+    @property
+    def sentence(self) -> str:
+        """For people."""
+        return f"a way past at {self.witness[-1, 5]:.3g} m/s keeps {self.clearance:g} m"
 
 
-def _search(scenario: Scenario, brake_from: float, horizon: float) -> Array:
-    vehicle, config, path = scenario.vehicle, scenario.controller, scenario.path
+def way_past(scenario: Scenario, clearance: float) -> WayPast | None:
+    """A way past everything from the start on, at the asked speed or slower, as far as the scene goes; None if none.
+
+    Args:
+        scenario: Grip is what both the plant and the controller have it to be.
+        clearance: From every obstacle and edge at least, in [m].
+    """
+    grip = min(scenario.plant.friction, scenario.controller.friction)
+    told = replace(scenario, plant=replace(scenario.plant, friction=grip))
+    ways = ((share, _through(told, clearance, share, to_the_end=True)) for share in SPEED_SHARES)
+    return next((WayPast(share, clearance, way) for share, way in ways if len(way)), None)
+
+
+@dataclass(frozen=True)
+class _Profile:
+    """Speed over time: that of the start until `begin` [s], then towards `target` [m/s]; for `horizon` [s]."""
+
+    target: float
+    begin: float
+    horizon: float
+
+
+def _through(scenario: Scenario, clearance: float, share: float, to_the_end: bool = False) -> Array:
+    """A way past all obstacles at a share of the asked speed; empty if there is none, or it takes too long."""
+    target = scenario.speed * share
+    begin = math.inf if target == scenario.start.v_x else REACTION_TIME
+    horizon = _time_to_pass(scenario, _Profile(target, begin, LONGEST))
+    if to_the_end:
+        horizon = max(horizon, min(_time_to_end(scenario, _Profile(target, begin, LONGEST)), scenario.duration))
+    if not horizon <= LONGEST:
+        return np.empty((0, 6))
+    return _search(scenario, _Profile(target, begin, horizon), clearance)
+
+
+def _time_to_pass(scenario: Scenario, profile: _Profile) -> float:
+    """Until the car has all slower obstacles behind it, and a second more, in [s]; infinite if it takes too long."""
+    s, reach = _project(scenario)[0], scenario.vehicle.length
+    times, travelled = _distances(scenario, profile)
+    last = 0.0
+    for o in scenario.obstacles:
+        ahead = o.s + o.length / 2.0 + reach - s
+        if o.speed < profile.target:
+            behind = travelled >= ahead + o.speed * times
+            last = max(last, float(times[np.argmax(behind)]) if behind.any() else math.inf)
+    return 1.1 * last + 1.0
+
+
+def _time_to_end(scenario: Scenario, profile: _Profile) -> float:
+    """Until an open road ends, in [s]; infinite on a closed one, or if it takes too long."""
+    times, travelled = _distances(scenario, profile)
+    at_end = travelled >= scenario.path.length - _project(scenario)[0]
+    return math.inf if scenario.path.closed or not at_end.any() else float(times[np.argmax(at_end)])
+
+
+def _distances(scenario: Scenario, profile: _Profile) -> tuple[Array, Array]:
+    """Times and the distance driven until then, in [s] and [m]."""
+    times, speeds, _ = _speeds(scenario, profile)
+    return times, np.concatenate([[0.0], np.cumsum((speeds[1:] + speeds[:-1]) / 2.0 * np.diff(times))])
+
+
+def _speeds(scenario: Scenario, profile: _Profile) -> tuple[Array, Array, Array]:
+    """Times, the speed at each, and the lateral acceleration that is left there, in [s], [m/s], [m/s^2]."""
+    vehicle, speed = scenario.vehicle, scenario.start.v_x
     grip = scenario.plant.friction * GRAVITY
     braking = BRAKING_SHARE * min(vehicle.max_braking, grip)
     lateral = LATERAL_SHARE * grip
     lateral_braking = min(lateral, math.sqrt((GRIP_SHARE * grip) ** 2 - braking**2))
-    speed = scenario.start.v_x
-    layers = math.ceil(horizon / LAYER)
-    times = LAYER / SUBSTEPS * np.arange(layers * SUBSTEPS + 1)
-    speeds = np.clip(speed - braking * np.maximum(times - brake_from, 0.0), 0.0, None)
-    limits = np.where(times > brake_from, lateral_braking, lateral)
+    layers = math.ceil(profile.horizon / LAYER)
+    times: Array = LAYER / SUBSTEPS * np.arange(layers * SUBSTEPS + 1.0)
+    late = np.maximum(times - profile.begin, 0.0)
+    if profile.target > speed:
+        speeds = np.minimum(speed + ACCELERATION_SHARE * vehicle.max_acceleration * late, profile.target)
+    else:
+        speeds = np.maximum(speed - braking * late, profile.target)
+    return times, speeds.astype(np.float64), np.where(late > 0.0, lateral_braking, lateral).astype(np.float64)
+
+
+def _project(scenario: Scenario) -> tuple[float, float, float]:
+    return scenario.path.project(scenario.start.x, scenario.start.y)
+
+
+def _search(scenario: Scenario, profile: _Profile, clearance: float) -> Array:
+    vehicle, config, path = scenario.vehicle, scenario.controller, scenario.path
+    times, speeds, limits = _speeds(scenario, profile)
     boxes = np.array([(o.s, o.l, o.length, o.width, o.heading, o.speed) for o in scenario.obstacles]).reshape(-1, 6)
-    s, l, heading = path.project(scenario.start.x, scenario.start.y)  # noqa: E741
+    s, l, heading = _project(scenario)  # noqa: E741
     start = np.array([s, l, scenario.start.yaw - heading])
-    found, states = _depth_first(
+    found, states = depth_first(
         start, speeds, limits, _poses(path, boxes, times), boxes, path.table, path.period,
-        (vehicle.front_extent + MARGIN, vehicle.rear_extent + MARGIN, 0.5 * vehicle.width + MARGIN),
+        (vehicle.front_extent + clearance, vehicle.rear_extent + clearance, 0.5 * vehicle.width + clearance),
         (-config.width_right, config.width_left),
         STEER_SHARE * vehicle.steer_rate_limit / vehicle.wheelbase,
-        layers,
+        (len(times) - 1) // SUBSTEPS,
     )  # fmt: skip
     if not found:
         return np.empty((0, 6))
@@ -104,124 +197,3 @@ def _poses(path, boxes, times):
         poses[m, :, 0], poses[m, :, 1] = path.to_cartesian(stations, np.full_like(times, l))
         poses[m, :, 2], poses[m, :, 3] = path.heading(stations) + heading, stations
     return poses
-
-
-@njit(cache=True, nogil=True)
-def _depth_first(start, speeds, limits, poses, boxes, table, period, car, edges, steering, layers):
-    """The first trajectory through all layers.
-
-    Args:
-        start: s, l, heading.
-        speeds, limits: Speed [m/s] and bound of lateral acceleration [m/s^2] at every substep.
-        poses: See `_poses`.
-        boxes: Rows of s, l, length, width, heading, speed.
-        table, period: Of the path.
-        car: Front, rear, half width with margin, in [m].
-        edges: Right, left, in [m].
-        steering: Largest rate of curvature, in [1/(m s)].
-        layers: Number of decisions.
-
-    Returns:
-        Whether there is one, and its s, l, heading, curvature at every substep.
-    """
-    trace = np.empty((layers * SUBSTEPS + 1, 4))
-    trace[0, :3], trace[0, 3] = start, 0.0
-    widest = min(0.7, 8.0 / speeds[0])
-    cells = np.zeros((layers + 1, int((edges[1] - edges[0]) / _OFFSET_CELL) + 2,
-                      2 * _HEADING_CELLS + 1, 2 * _CURVATURE_CELLS + 1), np.uint8)  # fmt: skip
-    tried = np.zeros(layers + 1, np.int64)
-    layer = 0
-    while layer < layers:
-        if tried[layer] == _MOVES.shape[0]:
-            tried[layer] = 0
-            layer -= 1
-            if layer < 0:
-                return False, trace
-            continue
-        move = _MOVES[tried[layer]]
-        tried[layer] += 1
-        at = layer * SUBSTEPS
-        if not _advance(trace, at, move, speeds, limits, poses, boxes, table, period, car, edges, steering):
-            continue
-        _, l, heading, curvature = trace[at + SUBSTEPS]  # noqa: E741
-        if abs(heading) > widest:
-            continue
-        limit = _curvature_limit(speeds[at + SUBSTEPS], limits[at + SUBSTEPS], steering)
-        i = int((l - edges[0]) / _OFFSET_CELL)
-        j = _HEADING_CELLS + round(heading / widest * _HEADING_CELLS)
-        k = _CURVATURE_CELLS + round(curvature / limit * _CURVATURE_CELLS)
-        if cells[layer + 1, i, j, k]:
-            continue
-        cells[layer + 1, i, j, k] = 1
-        layer += 1
-    return True, trace
-
-
-@njit(cache=True, nogil=True)
-def _curvature_limit(speed, acceleration, steering):
-    return min(acceleration / max(speed, 1.0) ** 2, _BUILD_UP * steering)
-
-
-@njit(cache=True, nogil=True)
-def _advance(trace, at, move, speeds, limits, poses, boxes, table, period, car, edges, steering):
-    """Drive one layer towards a curvature; false as soon as something is touched or the bound would break."""
-    s, l, heading, curvature = trace[at]  # noqa: E741
-    h = LAYER / SUBSTEPS
-    for i in range(at, at + SUBSTEPS):
-        v = 0.5 * (speeds[i] + speeds[i + 1])
-        limit = _curvature_limit(speeds[i], limits[i + 1], steering)
-        road = curvature_at(table, period, s)
-        aim = min(max(road + move * limit, -limit), limit)
-        rate = min(steering, MAX_JERK / max(v, 1.0) ** 2)
-        bent = curvature + min(max(aim - curvature, -rate * h), rate * h)
-        if abs(bent) > limit * (1.0 + 1e-9):
-            return False
-        turn = v * 0.5 * (curvature + bent)
-        along = v * math.cos(heading) / (1.0 - road * l)
-        middle = heading + 0.5 * h * (turn - road * along)
-        half = l + 0.5 * h * v * math.sin(heading)
-        road = curvature_at(table, period, s + 0.5 * h * along)
-        along = v * math.cos(middle) / (1.0 - road * half)
-        s, l = s + h * along, l + h * v * math.sin(middle)  # noqa: E741
-        heading, curvature = heading + h * (turn - road * along), bent
-        trace[i + 1] = s, l, heading, curvature
-        if _leaves(l, heading, curvature_at(table, period, s), car, edges):
-            return False
-        for m in range(boxes.shape[0]):
-            if _hits(s, l, heading, poses[m, i + 1], boxes[m], table, period, car):
-                return False
-    return True
-
-
-@njit(cache=True, nogil=True)
-def _leaves(l, heading, road, car, edges):  # noqa: E741
-    """Whether a corner is over an edge; exact to second order of the road's curvature."""
-    c, d = math.cos(heading), math.sin(heading)
-    for lever in (car[0], -car[1]):
-        centre = l + lever * d - 0.5 * road * lever * lever
-        if centre + car[2] * c > edges[1] or centre - car[2] * c < edges[0]:
-            return True
-    return False
-
-
-@njit(cache=True, nogil=True)
-def _hits(s, l, heading, pose, box, table, period, car):  # noqa: E741
-    """Whether the car's rectangle overlaps a box in the world: exact, by separating axes."""
-    if abs(pose[3] - s) > box[2] + box[3] + 2.0 * (car[0] + car[1]):
-        return False
-    x, y, road = point_at(table, period, s, l)
-    yaw = road + heading
-    c, d = math.cos(yaw), math.sin(yaw)
-    long, wide = 0.5 * (car[0] + car[1]), car[2]
-    offset = 0.5 * (car[0] - car[1])
-    dx, dy = pose[0] - x - offset * c, pose[1] - y - offset * d
-    a, b = 0.5 * box[2], 0.5 * box[3]
-    turn_c, turn_d = abs(math.cos(pose[2] - yaw)), abs(math.sin(pose[2] - yaw))
-    if abs(dx * c + dy * d) > long + a * turn_c + b * turn_d:
-        return False
-    if abs(dy * c - dx * d) > wide + a * turn_d + b * turn_c:
-        return False
-    c, d = math.cos(pose[2]), math.sin(pose[2])
-    if abs(dx * c + dy * d) > a + long * turn_c + wide * turn_d:
-        return False
-    return abs(dy * c - dx * d) <= b + long * turn_d + wide * turn_c

@@ -4,6 +4,7 @@ import json
 import math
 import platform
 from collections import Counter
+from dataclasses import asdict
 from importlib.metadata import version
 from typing import Any
 
@@ -33,11 +34,13 @@ def summarise(scenario: Scenario, recording: Recording, judgement: Judgement, **
         "plant": scenario.plant.name,
         "estimated_signals": list(recording.estimated),
         "preset": scenario.controller_preset,
-        "verdict": "pass" if judgement.passed else "fail",
+        "verdict": judgement.verdict.value,
         "label": judgement.label,
+        "detail": judgement.detail,
         "end": recording.end.value,
         "error": f"{type(recording.error).__name__}: {recording.error}" if recording.error else None,
         "duration_s": duration,
+        **_progress(scenario, recording, judgement),
         "min_clearance_m": judgement.min_clearance,
         "min_clearance_obstacle": judgement.obstacle,
         "min_clearance_time_s": judgement.time,
@@ -62,6 +65,29 @@ def summarise(scenario: Scenario, recording: Recording, judgement: Judgement, **
         "tables": scenario.tables,
         "folder": str(scenario.folder.absolute()),
     }
+
+
+def _progress(scenario: Scenario, recording: Recording, judgement: Judgement) -> dict[str, Any]:
+    """How far the drive went, and from where: what was asked and what the plant made of it, never one for the other."""
+    went, asked = judgement.progress, asdict(scenario.start)
+    return {
+        "distance_m": went.distance,
+        "asked_distance_m": went.asked_distance,
+        "asked_speed": scenario.speed,
+        "mean_speed": went.mean_speed,
+        "held_speed": went.held_speed,
+        "obstacles_ahead": list(went.ahead),
+        "obstacles_reached": list(went.reached),
+        "obstacles_passed": list(went.passed),
+        "start": {
+            "asked": asked,
+            "got": {name: float(recording[name][0]) for name in asked},
+            "not_taken": [departure.signal for departure in recording.departures],
+        },
+        "findings": [
+            {"label": f.label, "verdict": f.verdict.value, "text": f.text} for f in judgement.findings
+        ],
+    }  # fmt: skip
 
 
 def versions() -> dict[str, str]:

@@ -23,13 +23,14 @@ from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
 from sidestep.validation.loop.recording import SAMPLE_UNITS, STEP_UNITS, End, Recording
+from sidestep.validation.loop.start import reset_to
 from sidestep.validation.scenarios.scenario import Scenario
 
 PLANT_STEP = 0.01
 """Longest plant step, and the period of the command frames on the bus, in [s]."""
 
 STANDSTILL = 0.1
-"""Speed below which a car that was told to stop counts as standing, in [m/s]."""
+"""Speed below which a car that was commanded to stop counts as standing, in [m/s]."""
 
 _S = list(SAMPLE_UNITS).index("s")
 
@@ -71,7 +72,8 @@ def cosimulate(
 ) -> Recording:
     """Drive `scenario` until its time is over, the road ends, the car has stopped, or something breaks.
 
-    Nothing is raised once the car moves, a keyboard interrupt included: the recording says how the run ended.
+    This is the one loop of the package. Nothing is raised once the car moves, a keyboard interrupt included: the
+    recording says how the run ended.
 
     Args:
         controller: Is reset first.
@@ -82,7 +84,7 @@ def cosimulate(
         progress: Called with the simulated time, in [s], before every control period.
 
     Raises:
-        InputError: Unknown coupling.
+        InputError: Unknown coupling, or the plant does not start where the scenario puts it, see `start`.
         PlantError: The plant cannot start.
     """
     if coupling not in ("zero-delay", "one-step-delay"):
@@ -109,7 +111,7 @@ class _Run:
 
     def reset(self) -> None:
         self.controller.reset()
-        self.state = _finite(self.plant.reset(self.scenario.start))
+        self.state, self.departures = reset_to(self.plant, self.scenario.start, self.scenario.plant)
         self.command = SteeringCommand(self.state.time, self.state.steer_angle, self.scenario.speed)
         self.received = self.command
 
@@ -141,7 +143,7 @@ class _Run:
             (
                 self.state.time, float(command.status), float(plan.feasible), float(plan.iterations),
                 plan.primal_residual, plan.dual_residual, plan.slack_corridor, plan.slack_slip, plan.stop_distance,
-                plan.plan_us, plan.build_us, plan.solve_us, elapsed,
+                plan.solve_us, elapsed,
             )
         )  # fmt: skip
         return command
@@ -189,7 +191,8 @@ class _Run:
         columns = dict(zip(STEP_UNITS, steps.T, strict=True))
         contact = bool(getattr(self.plant, "collided", False))
         estimated = tuple(getattr(self.plant, "estimated", ()))
-        return Recording(samples, columns, tuple(self.plans), end, error, wall_time, contact, estimated)
+        plans, off = tuple(self.plans), self.departures
+        return Recording(samples, columns, plans, end, error, wall_time, contact, estimated, off)
 
 
 def _finite(state: VehicleState) -> VehicleState:

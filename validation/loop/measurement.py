@@ -3,12 +3,14 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple
+from typing import Any, TypeVar
 
 import numpy as np
 
-from sidestep.controller import Plan, SteeringController
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
+from sidestep.validation.loop.cosimulation import Controller
 from sidestep.validation.loop.recording import Array
+from sidestep.validation.scenarios.plant_settings import PlantSettings
 from sidestep.validation.scenarios.scenario import Scenario
 
 _ANGLE, _STEER_ANGLE = math.radians(0.1), math.radians(0.02)
@@ -30,15 +32,24 @@ def measured(drive: Mapping[str, Array], noise: float, seed: Sequence[int]) -> d
     }
 
 
-class ImperfectMeasurement:
-    """A controller behind sensors that err; the same scenario gives the same errors."""
+Sensed = TypeVar("Sensed", bound=Controller)
 
-    def __init__(self, controller: SteeringController, scenario: Scenario):
-        self.controller, self.settings = controller, scenario.plant
+
+def sensed(controller: Sensed, scenario: Scenario) -> "Sensed | ImperfectMeasurement":
+    """A controller behind the scenario's sensors: itself where these tell the truth."""
+    settings = scenario.plant
+    return ImperfectMeasurement(controller, settings) if settings.noise or settings.measured_offset else controller
+
+
+class ImperfectMeasurement:
+    """A controller behind sensors that err; the same settings give the same errors."""
+
+    def __init__(self, controller: Controller, settings: PlantSettings):
+        self.controller, self.settings = controller, settings
         self._random = np.random.default_rng(self.settings.noise_seed)
 
     @property
-    def plan(self) -> Plan | None:
+    def plan(self) -> Any:
         """The plan behind the last command."""
         return self.controller.plan
 

@@ -1,22 +1,108 @@
-"""The plant that a scenario asks for."""
+"""The plant that a scenario asks for: one registry, in which the kinds that come with the package are entries.
 
-import math
-from dataclasses import replace
+A further one is an entry of `BUILT_IN`, an .fmu file, or a factory of somebody else's, see `plant_factory`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Self
 
-from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.errors import InputError, did_you_mean
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 from sidestep.validation.loop.delay_line import DelayLine
+from sidestep.validation.loop.plant_factory import installed_plants, plant_of
 from sidestep.validation.scenarios.plant_settings import PlantSettings
 from sidestep.validation.scenarios.scenario import Scenario
-from sidestep.validation.scenarios.tables import did_you_mean, file_at
+from sidestep.validation.scenarios.tables import file_at
 
-PLANT_KINDS = ("linear", "single-track", "double-track", "mujoco")
-"""Plants that come with the package; the path of an .fmu file is one more."""
+
+@dataclass(frozen=True)
+class PlantKind:
+    """One entry of the registry.
+
+    Attributes:
+        build: Makes the plant of a scenario for the car that is driven.
+        knows: Fields of `PlantSettings` that make a difference to it, beyond those that hold for every plant.
+    """
+
+    build: Callable[[Scenario, VehicleParameters], Plant]
+    knows: tuple[str, ...] = ()
+
+
+def _linear(_: Scenario, vehicle: VehicleParameters) -> Plant:
+    from sidestep.plant_models.linear.plant import LinearPlant
+
+    return LinearPlant(vehicle)
+
+
+def _native(scenario: Scenario, vehicle: VehicleParameters) -> Plant:
+    from sidestep.fmu.importing.plant import FmuPlant
+
+    return FmuPlant.native(vehicle, friction=scenario.plant.friction, model=scenario.plant.kind)
+
+
+def _mujoco(scenario: Scenario, vehicle: VehicleParameters) -> Plant:
+    from sidestep.plant_models.mujoco.plant import MujocoPlant
+
+    settings = scenario.plant
+    return MujocoPlant(
+        vehicle, path=scenario.path, obstacles=scenario.obstacles, friction=settings.friction, tyre=settings.tyre,
+        surface=settings.surface,
+    )  # fmt: skip
+
+
+def _foreign(scenario: Scenario, vehicle: VehicleParameters) -> Plant:
+    from sidestep.fmu.importing.isolation import IsolatedPlant
+    from sidestep.fmu.importing.plant import FmuPlant
+
+    settings = scenario.plant
+    mapping = file_at(Path(), settings.map, "plant.map") if settings.map else None
+    build = partial(FmuPlant.from_file, Path(settings.kind), mapping, vehicle, settings.friction)
+    return IsolatedPlant(build, settings.isolate) if settings.isolate else build()
+
+
+def _by_name(scenario: Scenario, vehicle: VehicleParameters) -> Plant:
+    settings = scenario.plant
+    return plant_of(
+        settings.kind, vehicle=vehicle, path=scenario.path, obstacles=scenario.obstacles, friction=settings.friction
+    )  # fmt: skip
+
+
+_CAR, _ROLLS, _ROAD = ("mass", "stiffness"), ("roll_centre",), ("tyre", "grade", "bank", "patches", "heights")
+_COMMON = ("kind", "steer_offset", "delay", "noise", "noise_seed", "measured_offset")
+BUILT_IN: dict[str, PlantKind] = {
+    "linear": PlantKind(_linear, _CAR),
+    "single-track": PlantKind(_native, ("friction", *_CAR)),
+    "double-track": PlantKind(_native, ("friction", *_CAR, *_ROLLS)),
+    "mujoco": PlantKind(_mujoco, ("friction", *_CAR, *_ROLLS, *_ROAD)),
+}
+"""Plants that come with the package."""
+PLANT_KINDS = tuple(BUILT_IN)
+ROLLING = tuple(name for name, kind in BUILT_IN.items() if "roll_centre" in kind.knows)
+"""Those with springs."""
+_FMU = PlantKind(_foreign, ("friction", "map", "isolate"))
+_OUTSIDE = PlantKind(_by_name, ("friction", *_CAR))
+
+
+def plant_kind(name: str) -> PlantKind:
+    """The entry of a kind: a built-in one, an .fmu file, `module:factory`, or an installed package's entry point.
+
+    Raises:
+        InputError: There is none.
+    """
+    if name in BUILT_IN:
+        return BUILT_IN[name]
+    if name.endswith(".fmu"):
+        return _FMU
+    if ":" in name or name in installed_plants():
+        return _OUTSIDE
+    known = (*PLANT_KINDS, *installed_plants())
+    problem = f"unknown plant {name!r}{did_you_mean(name, known)}"
+    raise InputError("plant.kind", problem, f"{', '.join(known)}, an .fmu file, or package.module:factory")
 
 
 def open_plant(scenario: Scenario) -> Plant:
@@ -26,46 +112,25 @@ def open_plant(scenario: Scenario) -> Plant:
         InputError: Unknown plant, missing or broken FMU or mapping, or a setting that the plant has not.
         PlantError: The plant cannot be built (no C compiler for the native FMU, say).
     """
-    settings, plant = scenario.plant, _bare_plant(scenario)
+    settings = scenario.plant
+    kind = plant_kind(settings.kind)
+    _require_known(settings, kind)
+    plant = kind.build(scenario, true_vehicle(scenario))
     if settings.steer_offset or settings.delay:
         return ImperfectSteering(plant, settings.steer_offset, settings.delay)
     return plant
 
 
-def _bare_plant(scenario: Scenario) -> Plant:
-    settings, vehicle = scenario.plant, true_vehicle(scenario)
-    if settings.map and not settings.kind.endswith(".fmu"):
-        raise InputError("plant.map", f"{settings.map!r} without an FMU", "only with an .fmu file as plant")
-    if settings.isolate and not settings.kind.endswith(".fmu"):
-        raise InputError("plant.isolate", f"{settings.isolate} without an FMU", "only with an .fmu file as plant")
-    if settings.kind != "mujoco":
-        _require_plain_road(settings)
-    if settings.kind == "linear":
-        from sidestep.plant_models.linear.plant import LinearPlant
-
-        if not math.isclose(settings.friction, 1.0):
-            raise InputError("plant.friction", f"{settings.friction}: linear tyres do not slide", "1.0")
-        return LinearPlant(vehicle)
-    if settings.kind in ("single-track", "double-track"):
-        from sidestep.fmu.importing.plant import FmuPlant
-
-        return FmuPlant.native(vehicle, friction=settings.friction, model=settings.kind)
-    if settings.kind == "mujoco":
-        from sidestep.plant_models.mujoco.plant import MujocoPlant
-
-        return MujocoPlant(
-            vehicle, path=scenario.path, obstacles=scenario.obstacles, friction=settings.friction,
-            tyre=settings.tyre, surface=settings.surface,
+def _require_known(settings: PlantSettings, kind: PlantKind) -> None:
+    """Refuse a setting that would make no difference to the plant."""
+    for f in fields(PlantSettings):
+        if f.name in (*_COMMON, *kind.knows) or getattr(settings, f.name) == f.default:
+            continue
+        others = [name for name, other in (*BUILT_IN.items(), ("an .fmu file", _FMU)) if f.name in other.knows]
+        raise InputError(
+            f"plant.{f.name}", f"{getattr(settings, f.name)}: the plant {settings.name} does not know it",
+            f"only with {', '.join(others)}",
         )  # fmt: skip
-    if settings.kind.endswith(".fmu"):
-        from sidestep.fmu.importing.isolation import IsolatedPlant
-        from sidestep.fmu.importing.plant import FmuPlant
-
-        mapping = file_at(Path(), settings.map, "plant.map") if settings.map else None
-        build = partial(FmuPlant.from_file, Path(settings.kind), mapping, vehicle, settings.friction)
-        return IsolatedPlant(build, settings.isolate) if settings.isolate else build()
-    problem = f"unknown plant {settings.kind!r}{did_you_mean(settings.kind, PLANT_KINDS)}"
-    raise InputError("plant.kind", problem, f"{', '.join(PLANT_KINDS)}, or an .fmu file")
 
 
 def true_vehicle(scenario: Scenario) -> VehicleParameters:
@@ -74,24 +139,23 @@ def true_vehicle(scenario: Scenario) -> VehicleParameters:
     Inertias follow the mass, as of a load that is spread like the car; a stiffer tyre peaks as high, and earlier.
 
     Raises:
-        InputError: An FMU from outside, whose numbers are its own, or a mass that the car cannot have.
+        InputError: A mass that the car cannot have.
     """
     vehicle, mass, stiffness = scenario.vehicle, scenario.plant.mass, scenario.plant.stiffness
-    if mass == stiffness == 1.0:
+    raised, chassis = scenario.plant.roll_centre, vehicle.suspension
+    if mass == stiffness == 1.0 and raised == 0.0:
         return vehicle
-    if scenario.plant.kind.endswith(".fmu"):
-        raise InputError("plant.mass, plant.stiffness", "an FMU has its own", f"1.0, or {', '.join(PLANT_KINDS)}")
-    chassis = vehicle.suspension
+    if raised and not chassis:
+        raise InputError("plant.roll_centre", f"{vehicle.name} has no suspension data", "0, or [suspension]")
     if chassis:
         chassis = replace(
-            chassis, roll_inertia=mass * chassis.roll_inertia, pitch_inertia=mass * chassis.pitch_inertia
+            chassis, roll_inertia=mass * chassis.roll_inertia, pitch_inertia=mass * chassis.pitch_inertia,
+            roll_centre_front=chassis.roll_centre_front + raised, roll_centre_rear=chassis.roll_centre_rear + raised,
         )  # fmt: skip
     try:
         return vehicle.with_(
             mass=mass * vehicle.mass,
             yaw_inertia=mass * vehicle.yaw_inertia,
-            cornering_stiffness_front=stiffness * vehicle.cornering_stiffness_front,
-            cornering_stiffness_rear=stiffness * vehicle.cornering_stiffness_rear,
             tyre=replace(vehicle.tyre, p_ky1=stiffness * vehicle.tyre.p_ky1),
             suspension=chassis,
         )
@@ -99,14 +163,8 @@ def true_vehicle(scenario: Scenario) -> VehicleParameters:
         raise InputError("plant.mass", f"{mass}: makes {error.where} {error.problem}", error.allowed) from error
 
 
-def _require_plain_road(settings: PlantSettings) -> None:
-    for name in ("tyre", "grade", "bank", "patches", "heights"):
-        if getattr(settings, name) != getattr(PlantSettings, name):
-            raise InputError(f"plant.{name}", f"the plant {settings.name} does not know it", "only with plant mujoco")
-
-
 class ImperfectSteering:
-    """A plant whose wheels are told late, and stand to the left of where they are told to, unknown to its measurement.
+    """A plant with late commands, whose wheels stand to the left of the commanded angle; it measures neither.
 
     Args:
         plant: The plant behind.

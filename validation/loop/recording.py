@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.files import complete
+from sidestep.validation.loop.start import Departure
 
 Array = NDArray[np.float64]
 
@@ -46,8 +47,6 @@ STEP_UNITS = {
     "slack_corridor": "m",
     "slack_slip": "rad",
     "stop_distance": "m",
-    "plan_time": "us",
-    "build_time": "us",
     "solve_time": "us",
     "step_time": "us",  # of the whole call, as the loop sees it
 }
@@ -82,6 +81,7 @@ class Recording:
         wall_time: Real time that the loop took, in [s].
         contact: Whether the plant says that it touched an obstacle (its attribute `collided`, if it has one).
         estimated: Samples that the plant does not report but estimates (its attribute `estimated`, if it has one).
+        departures: What of the start the plant did not take, where that was accepted.
     """
 
     samples: Mapping[str, Array]
@@ -92,6 +92,7 @@ class Recording:
     wall_time: float = 0.0
     contact: bool = False
     estimated: tuple[str, ...] = ()
+    departures: tuple[Departure, ...] = ()
 
     def __getitem__(self, column: str) -> Array:
         return self.samples[column]

@@ -9,10 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.cli.console import number
-from sidestep.validation.loop.closed_loop import simulate
+from sidestep.validation.console import number
+from sidestep.validation.judge.findings import Verdict
+from sidestep.validation.judge.simulate import simulate
+from sidestep.validation.scenarios.library import built_in_scenarios
 from sidestep.validation.scenarios.random_scenes import random_scene
-from sidestep.validation.scenarios.scenario import Scenario, built_in_scenarios, load_scenario, parse_scenario
+from sidestep.validation.scenarios.scenario import Scenario, load_scenario, parse_scenario
 from sidestep.validation.studies.moose import CASES, drive, highest, scene
 
 LANES = ((0.0, 15.0, 1.1, 0.0), (45.0, 70.0, 1.2, 3.5), (95.0, 110.0, 1.3, 0.0))
@@ -29,10 +31,10 @@ DRIVEN = ("iso-3888-1", "iso-3888-2", "random-scenes")
 
 @dataclass(frozen=True)
 class Driven:
-    """What became of one drive: a name, whether it passed, and what there is to say."""
+    """What became of one drive: a name, the verdict, and what there is to say."""
 
     name: str
-    passed: bool
+    verdict: Verdict
     text: str
 
 
@@ -51,7 +53,13 @@ def driven_manoeuvre(name: str, overrides: Sequence[str]) -> list[Driven]:
     if name == "iso-3888-2":
         plant = load_scenario("moose", overrides).plant.kind
         bisected, clean = highest(lambda speed: drive(scene(CASES[0], plant, speed, overrides)).clean)
-        return [Driven(name, clean > 0.0, f"clean up to {clean:g} km/h; {bisected:g} km/h bisected")]
+        return [
+            Driven(
+                name,
+                Verdict.PASS if clean > 0.0 else Verdict.FAIL,
+                f"clean up to {clean:g} km/h; {bisected:g} km/h bisected",
+            )
+        ]
     if name == "random-scenes":
         vehicle = load_scenario("moose", overrides).vehicle
         texts = {f"scene {seed}": random_scene(seed, vehicle) for seed in range(SEEDS)}
@@ -64,7 +72,7 @@ def driven_manoeuvre(name: str, overrides: Sequence[str]) -> list[Driven]:
 def _judged(name: str, scenario: Scenario) -> Driven:
     recording, judgement = simulate(scenario)
     text = f"{judgement.label}, clearance {number(judgement.min_clearance, 'm', 3)}, {recording.end.value}"
-    return Driven(name, judgement.passed, text)
+    return Driven(name, judgement.verdict, text)
 
 
 def iso_3888_1(speed: float, overrides: Sequence[str] = ()) -> Scenario:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal as processing
 
-from sidestep.validation.loop.open_loop import PERIOD, Response
+from sidestep.validation.manoeuvres.open_loop import PERIOD, Response
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.loop.open_loop import Response
 from sidestep.validation.manoeuvres.catalogue import Manoeuvre
 from sidestep.validation.manoeuvres.frequency_response import LEAST_COHERENCE, frequency_response
 from sidestep.validation.manoeuvres.metrics import (
@@ -18,7 +17,8 @@ from sidestep.validation.manoeuvres.metrics import (
     tb_factor,
     weave,
 )
-from sidestep.validation.manoeuvres.rating import rate
+from sidestep.validation.manoeuvres.open_loop import Response
+from sidestep.validation.report.compare.rating import rate
 from sidestep.validation.report.style import BLUE, INK, legend, panel, styled
 
 SIGNALS = {

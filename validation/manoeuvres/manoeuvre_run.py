@@ -6,17 +6,19 @@ from pathlib import Path
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
+from sidestep.validation.console import coloured
 from sidestep.validation.files import made, written_to
-from sidestep.validation.loop.open_loop import RESPONSE_UNITS, Response, drive
+from sidestep.validation.judge.findings import Verdict
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import write_columns
 from sidestep.validation.manoeuvres.catalogue import MANOEUVRES, Manoeuvre
 from sidestep.validation.manoeuvres.driven import DRIVEN, driven_manoeuvre
 from sidestep.validation.manoeuvres.handling import figures_of, overlay, ratings
-from sidestep.validation.model_error.envelope import open_loop_scenario
-from sidestep.validation.report.exports.junit import JunitCase, write_junit
+from sidestep.validation.manoeuvres.open_loop import RESPONSE_UNITS, Response, drive
+from sidestep.validation.manoeuvres.scene import open_loop_scenario
+from sidestep.validation.report.exports.junit import judged_case, write_junit
 from sidestep.validation.report.style import write_figure
-from sidestep.validation.scenarios.scenario import built_in_scenarios
+from sidestep.validation.scenarios.library import built_in_scenarios
 from sidestep.validation.studies.limits import new_table, show
 
 
@@ -50,13 +52,12 @@ def run_manoeuvre(name: str, overrides: Sequence[str], out: Path, junit: Path | 
         return 0
     table, results = new_table(name, "drive", "verdict", "outcome"), driven_manoeuvre(name, overrides)
     for result in results:
-        verdict = "[green]PASS[/]" if result.passed else "[red]FAIL[/]"
-        table.add_row(result.name, verdict, result.text)
+        table.add_row(result.name, coloured(result.verdict.value, result.verdict.value.upper()), result.text)
     show(table)
     if junit:
-        cases = [JunitCase(f"sidestep.validate.{name}", r.name, "" if r.passed else r.text) for r in results]
+        cases = [judged_case(f"sidestep.validate.{name}", r.name, r.verdict, r.text) for r in results]
         write_junit(junit, "sidestep validate", cases)
-    return 0 if all(result.passed for result in results) else 1
+    return 0 if all(result.verdict is Verdict.PASS for result in results) else 1
 
 
 def _open_loop(name: str, overrides: Sequence[str], out: Path) -> None:

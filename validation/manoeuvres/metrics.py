@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.loop.open_loop import Response
+from sidestep.validation.manoeuvres.open_loop import Response
 
 Array = NDArray[np.float64]
 

@@ -19,12 +19,13 @@ from sidestep.controller.mpc.car_model import Car, axle_force, peak_slip
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
-from sidestep.validation.loop.open_loop import drive
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.manoeuvres.catalogue import Manoeuvre, Ramp, Sine
+from sidestep.validation.manoeuvres.open_loop import drive
+from sidestep.validation.manoeuvres.scene import open_loop_scenario
 from sidestep.validation.model_error.prediction_error import HORIZON_TIME, prediction_errors, statistics
 from sidestep.validation.model_error.prediction_models import MODELS
-from sidestep.validation.scenarios.scenario import Scenario, parse_scenario
+from sidestep.validation.scenarios.scenario import Scenario
 from sidestep.validation.studies.limits import in_parallel
 
 Array = NDArray[np.float64]
@@ -37,16 +38,9 @@ SPEEDS = tuple(np.linspace(5.0, 35.0, 13).tolist())
 """In [m/s]."""
 NARROWEST = 20.0
 """Least radius of the curved road, in [m]."""
-_KEYS = ("vehicle.", "plant.", "controller.buffer.")
 DURATION = 4.0
 """Of each manoeuvre, in [s]."""
 _SHAPES = (Ramp(), Sine(0.5), Sine(0.7, dwell=0.5))
-_SCENARIO = """
-name = "open-loop"
-speed = 15.0
-duration = 1.0
-road = { width_left = 4.0, width_right = 4.0, segments = [{ type = "line", length = 1000.0 }] }
-"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,26 +94,6 @@ class Envelope:
         }
 
 
-def open_loop_scenario(overrides: Sequence[str], noisy: bool = False) -> Scenario:
-    """Vehicle, plant and buffer of `--set` overrides, on an empty road.
-
-    Args:
-        overrides: `key=value`.
-        noisy: Whether what is measured may be.
-
-    Raises:
-        InputError: Bad override, or one that makes no difference to an open-loop drive.
-    """
-    scenario = parse_scenario(_SCENARIO, "open-loop", overrides)
-    for key in (change.partition("=")[0].strip() for change in overrides):
-        if not f"{key}.".startswith(_KEYS):
-            raise InputError(f"--set {key}", "makes no difference here", "keys of vehicle and plant, controller.buffer")
-    for name in ("measured_offset", *(() if noisy else ("noise",))):
-        if value := getattr(scenario.plant, name):
-            raise InputError(f"plant.{name}", f"{value}: only the plant's true state is looked at here", "0")
-    return scenario
-
-
 def frictions_of(scenario: Scenario) -> tuple[float, ...]:
     """Those that the plant can be driven on; an FMU from elsewhere needs a parameter `friction`.
 
@@ -146,7 +120,7 @@ def tyre_limit(vehicle: VehicleParameters, friction: float) -> float:
     """Steady lateral acceleration at which the first axle slides, in [m/s^2]."""
     car = Car.of(vehicle, affine=True, friction=friction)
     return GRAVITY * min(
-        axle_force(peak_slip(load, car), stiffness, load, car) / load
+        axle_force(peak_slip(stiffness, load, car), stiffness, load, car) / load
         for stiffness, load in ((car.stiffness_f, car.load_f), (car.stiffness_r, car.load_r))
     )
 

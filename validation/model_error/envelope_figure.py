@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from sidestep.controller import ControllerConfig
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.loop.open_loop import steady_acceleration
+from sidestep.validation.manoeuvres.open_loop import steady_acceleration
 from sidestep.validation.model_error.envelope import ROADS, Array, Envelope
 from sidestep.validation.model_error.prediction_error import HORIZON_TIME
 from sidestep.validation.model_error.prediction_models import MODELS

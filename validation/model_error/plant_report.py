@@ -10,14 +10,13 @@ from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.plant import Plant
 from sidestep.validation.files import made, write_text, written_to
 from sidestep.validation.judge.summary import strict_json
-from sidestep.validation.loop.open_loop import Response, drive
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.manoeuvres.catalogue import MANOEUVRES, Manoeuvre
 from sidestep.validation.manoeuvres.handling import bode, figures_of, overlay
 from sidestep.validation.manoeuvres.metrics import asymmetry
-from sidestep.validation.manoeuvres.rating import rate
+from sidestep.validation.manoeuvres.open_loop import Response, drive
+from sidestep.validation.manoeuvres.scene import open_loop_scenario
 from sidestep.validation.model_error import accuracy
-from sidestep.validation.model_error.credibility import write_credibility_report
 from sidestep.validation.model_error.envelope import (
     DURATION,
     ROADS,
@@ -25,14 +24,15 @@ from sidestep.validation.model_error.envelope import (
     SPEEDS,
     Envelope,
     envelope,
-    open_loop_scenario,
 )  # fmt: skip
 from sidestep.validation.model_error.envelope_figure import MODEL_TITLES, envelope_chart, limits_chart
-from sidestep.validation.model_error.evidence import Evidence, Table
 from sidestep.validation.model_error.mujoco.checks import Check
 from sidestep.validation.model_error.prediction_error import HORIZON_TIME
 from sidestep.validation.model_error.prediction_models import MODELS
 from sidestep.validation.model_error.validate import evidence_of, junit_cases
+from sidestep.validation.report.compare.rating import rate
+from sidestep.validation.report.credibility import write_credibility_report
+from sidestep.validation.report.evidence import Evidence, Table
 from sidestep.validation.report.exports.junit import JunitCase, write_junit
 from sidestep.validation.report.style import write_figure
 from sidestep.validation.scenarios.scenario import Scenario
@@ -55,7 +55,7 @@ NOT_COVERED = (
     "Braking, accelerating and standing: speeds are held.",
     "Banked, sloped, bumpy and split-friction roads.",
     "Delay and lag of the steering: the models get the angle that was realised.",
-    "Errors in what the car measures, and in the friction that the affine model is told.",
+    "Errors in what the car measures, and in the friction that the affine model assumes.",
     "The standards' tolerances: manoeuvres and figures are in their style, no conformance is claimed.",
 )
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.loop.open_loop import PERIOD, Response
+from sidestep.validation.manoeuvres.open_loop import PERIOD, Response
 from sidestep.validation.model_error.prediction_models import STEP, predict
 
 Array = NDArray[np.float64]

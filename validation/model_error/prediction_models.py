@@ -9,12 +9,14 @@ State [l_s, e_phi, beta, gamma]. All get the realised road-wheel angle: what the
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from sidestep.controller.mpc.car_model import Car
-from sidestep.controller.mpc.prediction import RATE, STATES, TURN, exponential, linearise, model_block
+from sidestep.controller.mpc.discretise import WIDTH, exponential
+from sidestep.controller.mpc.prediction import RATE, TURN, least_slopes, model_block, touch
 from sidestep.controller.paper import STEP as PAPER_STEP
+from sidestep.controller.records import STATES
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.linear.bicycle import continuous
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
@@ -89,25 +91,27 @@ def _recursion(transition: Array, start: Array, held: Array) -> Array:
     return states
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _affine(start, speed, angles, turn_rate, step, rounds, car):
     windows, steps = angles.shape[0], angles.shape[1] - 1
-    result = np.empty((windows, steps, 4))
-    times = step * np.arange(steps + 1)
-    states = np.zeros((steps + 1, STATES))
-    lines, w = np.empty((steps, 5)), np.zeros(STATES + 4)
-    roll = np.zeros((steps + 1, 2))
+    result, states = np.empty((windows, steps, 4)), np.zeros((steps + 1, STATES))
+    lines, w, least = np.empty((steps, 5)), np.zeros(STATES + 4), least_slopes(car)
+    generator, transition = np.empty((STATES, WIDTH)), np.empty((STATES, WIDTH))
+    products = np.empty((4, STATES, WIDTH))
     for i in range(windows):
         v = speed[i]
         states[:] = 0.0  # tangents at zero slip first: the linear prediction with the stiffness of the Magic Formula
         for _ in range(rounds):
-            linearise(times[:-1] + 0.5 * step, times, states, roll, v, np.zeros(2), car, lines)
+            for k in range(steps):
+                middle = 0.5 * (states[k] + states[k + 1])
+                touch((middle[2], middle[3], middle[4]), (0.0, 0.0), v, least, car, lines[k])
             states[0, :4], states[0, 4], states[0, 5] = start[i], angles[i, 0], angles[i, 0]
             for k in range(steps):
-                generator = model_block(v, lines[k, 0], lines[k, 2], car)
+                model_block(v, lines[k, 0], lines[k, 2], car, generator)
+                exponential(generator, step, transition, products)
                 w[:STATES] = states[k]
                 w[RATE], w[TURN] = (angles[i, k + 1] - angles[i, k]) / step, turn_rate[i]
                 w[8], w[9] = lines[k, 1], lines[k, 3]
-                states[k + 1] = exponential(generator, step) @ w
+                states[k + 1] = transition @ w
         result[i] = states[1:, :4]
     return result

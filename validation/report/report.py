@@ -3,12 +3,14 @@
 from collections.abc import Sequence
 from typing import Any
 
-from sidestep.validation.cli.console import HEADS, cells, number, row_name
+from sidestep.validation.console import HEADS, cells, number, row_name
 from sidestep.validation.files import write_text, written_to
+from sidestep.validation.judge.findings import Verdict
+from sidestep.validation.judge.run import Run
 from sidestep.validation.judge.summary import strict_json
 from sidestep.validation.loop.recording import STEP_UNITS, write_columns
 from sidestep.validation.report.compare.comparison import Line, compared_signals, compared_top_view
-from sidestep.validation.report.exports.junit import JunitCase
+from sidestep.validation.report.exports.junit import JunitCase, judged_case
 from sidestep.validation.report.pages import page, picture
 from sidestep.validation.report.scrubber import scrubber_data
 from sidestep.validation.report.signals_figure import signals_figure
@@ -16,7 +18,6 @@ from sidestep.validation.report.still import still
 from sidestep.validation.report.style import BLUE, GREEN, ORANGE, PURPLE
 from sidestep.validation.report.topview import distance, top_view
 from sidestep.validation.report.usage_figure import usage_figure
-from sidestep.validation.studies.runs import Run
 
 _COLOURS = {"linear": ORANGE, "single-track": GREEN, "mujoco": BLUE, "linear (paper)": PURPLE}
 
@@ -56,13 +57,15 @@ def run_report(run: Run) -> str:
 
 
 def _sentence(s: dict[str, Any]) -> str:
-    """PASS or FAIL, why, and the worst clearance with where and when."""
+    """PASS, FAIL or INCONCLUSIVE, why, and the worst clearance with where and when."""
     words = f"{s['verdict'].upper()} ({s['label']})"
     if s["min_clearance_m"] is not None:
         words += (
             f": {distance(s['min_clearance_m'], 3)} at obstacles[{s['min_clearance_obstacle']}]"
             f", s = {s['min_clearance_station_m']:.1f} m, t = {s['min_clearance_time_s']:.2f} s"
         )
+    if s["detail"]:
+        words += f". {s['detail']}"
     if s["plant_contact"]:
         words += ", contact in the plant's own geometry"
     if s["error"]:
@@ -73,9 +76,10 @@ def _sentence(s: dict[str, Any]) -> str:
 def junit_case(run: Run) -> JunitCase:
     """A run as a test case of a build server."""
     s = run.summary
-    broken_off = s["error"] or ""
-    failure = "" if run.judgement.passed or broken_off else _sentence(s)
-    return JunitCase(f"sidestep.run.{s['scenario']}", row_name(s), failure, broken_off)
+    group, name = f"sidestep.run.{s['scenario']}", row_name(s)
+    if s["error"]:
+        return JunitCase(group, name, error=s["error"])
+    return judged_case(group, name, run.judgement.verdict, _sentence(s))
 
 
 def _numbers(run: Run) -> list[tuple[str, str, str, str]]:
@@ -85,6 +89,15 @@ def _numbers(run: Run) -> list[tuple[str, str, str, str]]:
     median, p99, most = (number(s["step_time_us"][name], "µs", 0) for name in ("median", "p99", "max"))
     return [
         ("Run", f"{s['duration_s']:.2f} s simulated", _mark(not broken), s["end"]),
+        ("Way", f"{s['distance_m']:.1f} m", "",
+         f"{s['asked_distance_m']:.1f} m at the asked speed until time or road end"),
+        ("Obstacles left behind", f"{len(s['obstacles_passed'])} of {len(s['obstacles_ahead'])} ahead", "",
+         f"{len(s['obstacles_reached'])} reached"),
+        ("Mean speed", number(s["mean_speed"], "m/s", 2), "", f"asked: {s['asked_speed']:g} m/s"),
+        ("Start", "as asked" if not s["start"]["not_taken"] else _start(s), "",
+         "what the plant made of it; --accept-start drives on from elsewhere"),
+        *((f["label"].capitalize(), f["text"], f["verdict"].upper(), "seen beside the recording")
+          for f in s["findings"]),
         ("Smallest clearance", number(gap, "m", 3), "" if gap is None else _mark(gap > 0.0 and not s["plant_contact"]),
          f"above 0; buffer {config.buffer:g} m; negative: overlap"),
         ("Smallest clearance to the road's edge", number(s["min_edge_clearance_m"], "m", 3),
@@ -107,6 +120,11 @@ def _numbers(run: Run) -> list[tuple[str, str, str, str]]:
     ]  # fmt: skip
 
 
+def _start(s: dict[str, Any]) -> str:
+    asked, got = s["start"]["asked"], s["start"]["got"]
+    return ", ".join(f"{name} {got[name]:.4g}, asked {asked[name]:.4g}" for name in s["start"]["not_taken"])
+
+
 def _mark(good: bool) -> str:
     return "PASS" if good else "FAIL"
 
@@ -120,7 +138,7 @@ def _not_covered(run: Run) -> list[str]:
     if run.recording.estimated:
         sentences.append(f"What the plant does not report but estimates: {', '.join(run.recording.estimated)}.")
     if not plant.noise and not plant.measured_offset:
-        sentences.append("Noise and offset of the measured state: the controller is told the truth (plant.noise).")
+        sentences.append("Noise and offset of the measured state: the controller gets the true state (plant.noise).")
     if not plant.delay and run.summary["coupling"] == "zero-delay":
         sentences.append("Delay: a command acts in the period in which it was computed (plant.delay, --coupling).")
     return [
@@ -142,13 +160,13 @@ def _provenance(s: dict[str, Any]) -> list[tuple[str, str]]:
     ]
 
 
-def demo_report(runs: Sequence[Run], summaries: Sequence[dict[str, Any]], passed: bool) -> str:
+def demo_report(runs: Sequence[Run], summaries: Sequence[dict[str, Any]], verdict: Verdict) -> str:
     """The page of the demo.
 
     Args:
         runs: What could be run.
         summaries: A summary of every row, also of what could not be run.
-        passed: The verdict on all that counts.
+        verdict: On all that counts.
     """
     scenes = [_scene(name, runs, summaries) for name in dict.fromkeys(s["scenario"] for s in summaries)]
     counted = [s for s in summaries if s["preset"] == "default"]
@@ -157,8 +175,8 @@ def demo_report(runs: Sequence[Run], summaries: Sequence[dict[str, Any]], passed
     worst = f", worst clearance {min(clearances):.3f} m" if clearances else ""
     return page(
         "demo.html",
-        verdict="pass" if passed else "fail",
-        sentence=f"{'PASS' if passed else 'FAIL'}: {good} of {len(counted)} runs passed{worst}",
+        verdict=verdict.value,
+        sentence=f"{verdict.value.upper()}: {good} of {len(counted)} runs passed{worst}",
         scenes=scenes,
         heads=HEADS,
         provenance=_provenance(runs[0].summary) if runs else [],

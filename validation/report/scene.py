@@ -6,7 +6,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from sidestep.validation.judge.geometry import Array
+from sidestep.validation.geometry import Array
 from sidestep.validation.scenarios.scenario import Scenario
 
 _WHITE, _GREEN, _BLUE, _ORANGE = (0.9, 0.9, 0.9, 1.0), (0.1, 0.7, 0.3, 1.0), (0.2, 0.5, 1.0, 1.0), (1.0, 0.6, 0.0, 1.0)

@@ -9,7 +9,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from sidestep.plant_models.signals import Status
-from sidestep.validation.judge.geometry import Array, car_boxes, obstacle_boxes, signed_clearance
+from sidestep.validation.geometry import Array, car_boxes, obstacle_boxes, signed_clearance
 from sidestep.validation.judge.verdict import Judgement
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.report.topview import LOOK_BACK, driven_extent

@@ -9,7 +9,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from sidestep.plant_models.road.reference_path import ReferencePath
-from sidestep.validation.judge.geometry import Array, car_boxes, obstacle_boxes
+from sidestep.validation.geometry import Array, car_boxes, obstacle_boxes
 from sidestep.validation.judge.verdict import Judgement
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.report.style import BLUE, GREEN, INK, ORANGE, PAPER, PURPLE, RED, ROAD, legend, styled

@@ -4,14 +4,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from msgspec import Meta
-
 from sidestep.plant_models.mujoco.surface import FrictionPatch, HeightField, Surface
+from sidestep.plant_models.ranges import Range
 from sidestep.validation.scenarios.tables import built, checked, file_at
 
-Positive = Annotated[float, Meta(gt=0.0)]
-NotNegative = Annotated[float, Meta(ge=0.0)]
-Factor = Annotated[float, Meta(ge=0.01, le=100.0)]
+Factor = Annotated[float, Range(0.01, 100.0)]
 
 
 @dataclass(frozen=True)
@@ -19,7 +16,8 @@ class PlantSettings:
     """The table `plant` of a scenario file.
 
     Attributes:
-        kind: linear, single-track, double-track, mujoco, or an .fmu file, found from the scenario file's folder.
+        kind: linear, single-track, double-track, mujoco, an .fmu file, found from the scenario file's folder,
+            `package.module:factory`, or the name that an installed package gives its plant.
         friction: Road friction as a factor on the tyres' peak; of an .fmu file its parameter `friction`.
         tyre: What shears the tyres of MuJoCo's car, see `MujocoPlant`.
         grade, bank: Rise of its road per metre along x and along y.
@@ -29,34 +27,38 @@ class PlantSettings:
         steer_offset: Added to every commanded road-wheel angle, in [rad]: a misaligned steering, which the
             reported angle does not show.
         mass, stiffness: Of the plant's car and of its tyres, as factors on what the controller knows.
+        roll_centre: By which the roll centres of the plant's car lie above those that the controller knows, in [m].
         delay: Until a command reaches the steering and the drive, in [s].
         noise: Of the state that the controller gets, in multiples of `measurement.NOISE`; the judge sees the true one.
         noise_seed: Of that noise.
         measured_offset: By which that state lies to the left of where the car is, in [m].
+        accept_start: Drive a plant that does not start where it is put from where it does; refused otherwise.
         isolate: Time limit of a step of an FMU that runs in a process of its own, in [s]; 0 to run it here.
     """
 
     kind: str = "mujoco"
-    friction: Positive = 1.0
+    friction: Annotated[float, Range(0.001, 10.0)] = 1.0
     tyre: Literal["magic-formula", "contact", "stock-contact"] = "magic-formula"
-    grade: float = 0.0
-    bank: float = 0.0
+    grade: Annotated[float, Range(-1.0, 1.0)] = 0.0
+    bank: Annotated[float, Range(-1.0, 1.0)] = 0.0
     patches: tuple[Any, ...] = ()
     heights: Any = None
     map: str = ""
-    steer_offset: float = 0.0
+    steer_offset: Annotated[float, Range(-1.0, 1.0, "rad")] = 0.0
     mass: Factor = 1.0
     stiffness: Factor = 1.0
-    delay: NotNegative = 0.0
-    noise: NotNegative = 0.0
-    noise_seed: Annotated[int, Meta(ge=0)] = 0
-    measured_offset: float = 0.0
-    isolate: NotNegative = 0.0
+    roll_centre: Annotated[float, Range(0.0, 1.0, "m")] = 0.0
+    delay: Annotated[float, Range(0.0, 5.0, "s")] = 0.0
+    noise: Annotated[float, Range(0.0, 1e3)] = 0.0
+    noise_seed: Annotated[int, Range(0, 2**63 - 1)] = 0
+    measured_offset: Annotated[float, Range(-100.0, 100.0, "m")] = 0.0
+    isolate: Annotated[float, Range(0.0, 3600.0, "s")] = 0.0
+    accept_start: bool = False
 
     @property
     def name(self) -> str:
-        """For tables and file names: the kind, or the file's name without folder and ending."""
-        return Path(self.kind).stem
+        """For tables and file names: the kind, the file's name without folder and ending, or the factory's."""
+        return self.kind.rpartition(":")[2] if ":" in self.kind else Path(self.kind).stem
 
     @property
     def surface(self) -> Surface:
@@ -65,11 +67,13 @@ class PlantSettings:
 
 
 @dataclass
-class _Heights:
+class Heights:
+    """The table `plant.heights`: a file of heights, and where its grid lies."""
+
     path: str
-    spacing: Positive
-    x: float = 0.0
-    y: float = 0.0
+    spacing: Annotated[float, Range(0.001, 1e4, "m")]
+    x: Annotated[float, Range(-1e6, 1e6, "m")] = 0.0
+    y: Annotated[float, Range(-1e6, 1e6, "m")] = 0.0
 
 
 def plant_settings(table: dict[str, Any], folder: Path) -> PlantSettings:
@@ -87,5 +91,5 @@ def plant_settings(table: dict[str, Any], folder: Path) -> PlantSettings:
 
 
 def _heights(table: Any, folder: Path) -> HeightField:
-    values = checked(_Heights, table, "plant.heights")
+    values = checked(Heights, table, "plant.heights")
     return HeightField.from_csv(file_at(folder, values.pop("path"), "plant.heights.path"), **values)

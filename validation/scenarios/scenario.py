@@ -2,7 +2,7 @@
 
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,20 +10,26 @@ import numpy as np
 from msgspec import Meta
 
 from sidestep.controller import ControllerConfig
+from sidestep.fmu.importing.mapping import vehicle_table
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
+from sidestep.plant_models.ranges import Range
 from sidestep.plant_models.road.reference_path import Arc, Clothoid, Line, ReferencePath
 from sidestep.plant_models.signals import VehicleState
-from sidestep.plant_models.tyres.property_file import read_tyre
-from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.judge.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
+from sidestep.plant_models.vehicle.parameters import VehicleParameters, require_one_stiffness
+from sidestep.plant_models.vehicle.table import WHOLE, vehicle_from_table
+from sidestep.validation.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
+from sidestep.validation.scenarios.library import read_scenario
 from sidestep.validation.scenarios.plant_settings import PlantSettings, plant_settings
-from sidestep.validation.scenarios.tables import built, checked, did_you_mean, file_at, joined, override
+from sidestep.validation.scenarios.tables import built, checked, file_at, joined, override
 
-_BUILT_IN = Path(__file__).parent / "built_in"
 _SEGMENTS = {"line": Line, "arc": Arc, "clothoid": Clothoid}
 
-Positive = Annotated[float, Meta(gt=0.0)]
+ELSEWHERE = ("width_left", "width_right", "cruise_speed")
+"""Settings of the controller that the tables of road and scenario hold."""
+
+Speed = Annotated[float, Range(0.01, 150.0, "m/s")]
+Width = Annotated[float, Range(0.01, 1e3, "m")]
 
 
 @dataclass(frozen=True)
@@ -62,10 +68,12 @@ class Scenario:
 
 
 @dataclass
-class _File:
+class TopLevel:
+    """The keys of a scenario file."""
+
     name: Annotated[str, Meta(pattern=r"^[\w.-]+$")]
-    speed: Positive
-    duration: Positive
+    speed: Speed
+    duration: Annotated[float, Range(0.001, 1e5, "s")]
     road: dict[str, Any]
     description: str = ""
     start: dict[str, Any] = field(default_factory=dict)
@@ -76,24 +84,23 @@ class _File:
 
 
 @dataclass
-class _Road:
-    width_left: Positive
-    width_right: Positive
+class Road:
+    """The table `road` of a scenario file."""
+
+    width_left: Width
+    width_right: Width
     segments: list[Any] = field(default_factory=list)
     waypoints: str = ""
 
 
 @dataclass
-class _Start:
-    s: float = 0.0
-    l: float = 0.0  # noqa: E741 (the paper's letter)
-    heading: float = 0.0
-    speed: Positive | None = None
+class Start:
+    """The table `start` of a scenario file: at time 0, in the road frame."""
 
-
-def built_in_scenarios() -> tuple[str, ...]:
-    """Names of the scenarios that come with the package."""
-    return tuple(sorted(file.stem for file in _BUILT_IN.glob("*.toml")))
+    s: Annotated[float, Range(-1e6, 1e6, "m")] = 0.0
+    l: Annotated[float, Range(-1e3, 1e3, "m")] = 0.0  # noqa: E741 (the paper's letter)
+    heading: Annotated[float, Range(-100.0, 100.0, "rad")] = 0.0
+    speed: Speed | None = None
 
 
 def load_scenario(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
@@ -108,29 +115,6 @@ def load_scenario(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Sc
     """
     file, text = read_scenario(name_or_path)
     return parse_scenario(text, str(name_or_path), overrides, file)
-
-
-def read_scenario(name_or_path: str | Path, folder: Path = Path()) -> tuple[Path, str]:
-    """File and text of a scenario; a built-in one stands as if in `folder`, for the files that overrides name.
-
-    Args:
-        name_or_path: One of `built_in_scenarios()`, or a TOML file.
-        folder: From which the file is found.
-
-    Raises:
-        InputError: There is none, or it cannot be read.
-    """
-    name, known = str(name_or_path), built_in_scenarios()
-    if name in known:
-        return folder / f"{name}.toml", (_BUILT_IN / f"{name}.toml").read_text(encoding="utf-8")
-    file = folder / name
-    if not file.is_file():
-        problem = f"no built-in scenario and no file {name!r}{did_you_mean(name, known)}"
-        raise InputError("scenario", problem, f"{', '.join(known)}, or a TOML file")
-    try:
-        return file, file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(str(file), f"no readable TOML file ({error})") from error
 
 
 def parse_scenario(
@@ -165,13 +149,14 @@ def scenario_from_tables(tables: dict[str, Any], label: str, file: Path) -> Scen
 
 
 def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
-    top = _File(**checked(_File, {"name": file.stem, **tables}))
-    road = _Road(**checked(_Road, top.road, "road"))
-    start = _Start(**checked(_Start, top.start, "start"))
+    top = TopLevel(**checked(TopLevel, {"name": file.stem, **tables}))
+    road = Road(**checked(Road, top.road, "road"))
+    start = Start(**checked(Start, top.start, "start"))
     path = _path(road, file.parent)
     preset, config = _controller(top.controller, road, top.speed)
     x, y = path.to_cartesian(start.s, start.l)
     yaw = path.heading(start.s) + start.heading
+    plant = plant_settings(top.plant, file.parent)
     scenario = Scenario(
         name=top.name,
         speed=top.speed,
@@ -179,11 +164,11 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
         path=path,
         start=VehicleState(0.0, x, y, yaw, start.speed or top.speed),
         obstacles=tuple(_obstacle(values, f"obstacles[{i}]") for i, values in enumerate(top.obstacles)),
-        vehicle=_vehicle(top.vehicle, file.parent),
+        vehicle=_vehicle(told_car(top.vehicle, plant), file.parent),
         controller=config,
         controller_preset=preset,
         description=top.description,
-        plant=plant_settings(top.plant, file.parent),
+        plant=plant,
         tables=tables,
         folder=file.parent,
     )  # fmt: skip
@@ -191,7 +176,7 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
     return scenario
 
 
-def _path(road: _Road, folder: Path) -> ReferencePath:
+def _path(road: Road, folder: Path) -> ReferencePath:
     if bool(road.segments) == bool(road.waypoints):
         raise InputError("road", "needs either segments or waypoints", "segments = [...] or waypoints = FILE.csv")
     if road.waypoints:
@@ -214,23 +199,25 @@ def _obstacle(table: Any, where: str) -> Obstacle:
 
 
 def _vehicle(table: dict[str, Any], folder: Path) -> VehicleParameters:
+    require_one_stiffness(table)
     names = {"preset": str, "file": str, "tyre_file": str}
     values = checked(VehicleParameters, table, "vehicle", partial=True, also=names)
-    preset, file, tyre_file = values.pop("preset", "bmw-320i"), values.pop("file", ""), values.pop("tyre_file", "")
-    base = VehicleParameters.preset(preset)
-    if file:
-        base = VehicleParameters.from_file(file_at(folder, file, "vehicle.file"))
-    if tyre_file:
-        base = base.with_(tyre=read_tyre(file_at(folder, tyre_file, "vehicle.tyre_file")))
-    for name in ("tyre", "suspension"):
-        if name in values:
-            values[name] = replace(getattr(base, name), **values[name])
-    return base.with_(**values)
+    for key in ("file", "tyre_file"):
+        if values.get(key):
+            file_at(folder, values[key], f"vehicle.{key}")
+    return vehicle_from_table(values, folder)
 
 
-def _controller(table: dict[str, Any], road: _Road, speed: float) -> tuple[str, ControllerConfig]:
-    elsewhere = {"width_left": road.width_left, "width_right": road.width_right, "cruise_speed": speed}
-    values = checked(ControllerConfig, table, "controller", partial=True, also={"preset": str}, without=elsewhere)
+def told_car(vehicle: dict[str, Any], plant: PlantSettings) -> dict[str, Any]:
+    """The table `vehicle` of a scenario, on that of the mapping file of its plant unless it tells a whole car."""
+    if not plant.map or not Path(plant.map).is_file() or any(key in vehicle for key in WHOLE):
+        return vehicle
+    return vehicle_table(Path(plant.map)) | vehicle
+
+
+def _controller(table: dict[str, Any], road: Road, speed: float) -> tuple[str, ControllerConfig]:
+    elsewhere = dict(zip(ELSEWHERE, (road.width_left, road.width_right, speed), strict=True))
+    values = checked(ControllerConfig, table, "controller", partial=True, also={"preset": str}, without=ELSEWHERE)
     preset = values.pop("preset", "default")
     return preset, ControllerConfig.preset(preset, **elsewhere, **values)
 

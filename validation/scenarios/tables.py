@@ -1,6 +1,5 @@
 """Tables of a TOML file checked against dataclasses, and overrides by dotted key; every error names its key."""
 
-import difflib
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -11,13 +10,8 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 
-from sidestep.plant_models.errors import InputError
-
-
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """`, did you mean X?` for the closest known word, or nothing."""
-    close = difflib.get_close_matches(word, list(known), n=1)
-    return f", did you mean {close[0]}?" if close else ""
+from sidestep.plant_models.errors import InputError, did_you_mean
+from sidestep.plant_models.ranges import Range, range_of
 
 
 def checked(
@@ -94,9 +88,11 @@ def _value(hint: Any, value: Any, where: str, partial: bool) -> Any:
     try:
         result = msgspec.convert(value, hint)
     except msgspec.ValidationError as error:
-        raise InputError(where, f"{value!r} cannot be used", _in_words(hint, str(error))) from error
-    if isinstance(result, float) and not abs(result) <= _LARGEST:
-        raise InputError(where, f"{value}", f"a finite number up to {_LARGEST:g}")
+        allowed = _in_words(hint, str(error)) + (f", {limits}" if (limits := range_of(hint)) else "")
+        raise InputError(where, f"{value!r} cannot be used", allowed) from error
+    limits = range_of(hint) or (_ANY if isinstance(result, float) else None)
+    if limits and result is not None:
+        limits.check(result, where, isinstance(result, int))
     return result
 
 
@@ -110,8 +106,8 @@ def _in_words(hint: Any, message: str) -> str:
     return expected.partition(", got")[0]
 
 
-_LARGEST = 1e9
-"""Of a number in any unit; what is larger overflows on its way through a run."""
+_ANY = Range(-1e9, 1e9)
+"""Of a number whose unit only another key tells; what is larger overflows on its way through a run."""
 _WORDS = {"float": "a number", "str": "text", "int": "a whole number", "object": "a table", "array": "a list"}
 
 

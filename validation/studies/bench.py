@@ -17,7 +17,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import astuple, dataclass, fields, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from time import perf_counter_ns
@@ -26,14 +26,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sidestep.controller import SteeringController
 from sidestep.controller.can_port.port import SteeringPort
-from sidestep.controller.mpc.mpc import Problem
+from sidestep.controller.decision.decide import decide
+from sidestep.controller.memory import restored
+from sidestep.controller.mpc.piqp_solver import Problem
+from sidestep.controller.perception.locate import locate
+from sidestep.controller.records import STATE, WORK, record
+from sidestep.controller.step import look_back
 from sidestep.plant_models.errors import PlantError
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.validation.cli.console import progress_bar
+from sidestep.validation.console import progress_bar
 from sidestep.validation.files import check_file, write_text, written_file
 from sidestep.validation.judge.summary import strict_json
+from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.loop.plants import PLANT_KINDS, open_plant
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario
 from sidestep.validation.studies.bench_table import print_figures, print_solvers
@@ -122,10 +128,6 @@ def measure(
     }
 
 
-def _controller(scenario: Scenario) -> SteeringController:
-    return SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
-
-
 def _drive(scenario: Scenario, kind: str) -> Drive | None:
     """Drive the scene on a plant; None where that cannot be built (an FMU without a C compiler)."""
     period, steps = scenario.controller.period, round(scenario.duration / scenario.controller.period)
@@ -133,7 +135,7 @@ def _drive(scenario: Scenario, kind: str) -> Drive | None:
         plant = open_plant(replace(scenario, plant=replace(scenario.plant, kind=kind)))
     except PlantError:
         return None
-    controller, times = _controller(scenario), np.empty(steps)
+    controller, times = bare_controller(scenario), np.empty(steps)
     with plant:
         plant.step(controller.step(plant.reset(scenario.start)), period)  # load the kernels before the clock runs
         controller.reset()
@@ -148,14 +150,26 @@ def _drive(scenario: Scenario, kind: str) -> Drive | None:
 
 def _replay(scenario: Scenario, states: Sequence[VehicleState]) -> Array:
     """Whole step as its caller sees it and path search in it, in [us], and solver's iterations; shape (3, steps)."""
-    controller, times = _controller(scenario), np.empty((3, len(states)))
+    controller, times, work, now = bare_controller(scenario), np.empty((3, len(states))), record(WORK), record(STATE)
     for k, state in enumerate(states):
+        memory, now[0] = restored(controller.save()), astuple(state)
         began = perf_counter_ns()
         controller.step(state)
         times[0, k] = (perf_counter_ns() - began) / 1000.0
-        if plan := controller.plan:
-            times[1:, k] = plan.plan_us, plan.iterations
+        began = perf_counter_ns()
+        _search(memory, controller.settings, scenario.path.table, scenario.path.period, controller.boxes, now, work)
+        times[1, k] = (perf_counter_ns() - began) / 1000.0
+        times[2, k] = controller.plan.iterations if controller.plan else 0.0
     return times
+
+
+@kernel
+def _search(memory, settings, table, period, boxes, states, work):
+    """The part of a step that locates the car, searches the path and bounds the footprint."""
+    m, c, w, state, road = memory[0], settings[0], work[0], states[0], (table, period)
+    locate(m, w, c, road, state)
+    look_back(m, w, c, state)
+    decide(m, w, c, road, boxes, state, m.plans[1 - max(m.good, 0)])
 
 
 def _bounded_steps(passes: int) -> Array:
@@ -169,7 +183,7 @@ def _bounded_steps(passes: int) -> Array:
 
 def _problems(scenario: Scenario, states: Sequence[VehicleState]) -> list[Problem]:
     """The QP of every step, copied."""
-    controller, problems = _controller(scenario), []
+    controller, problems = bare_controller(scenario), []
     for state in states:
         controller.step(state)
         if problem := controller.problem:

@@ -14,15 +14,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from sidestep.controller import SteeringController
 from sidestep.validation.files import made, written_to
-from sidestep.validation.loop.cosimulation import cosimulate
+from sidestep.validation.loop.closed_loop import closed_loop
 from sidestep.validation.loop.delay_line import DelayLine
-from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import End, Recording
 from sidestep.validation.report.style import BLUE, RED, panel, styled, write_figure
 from sidestep.validation.scenarios.scenario import Scenario, parse_scenario
-from sidestep.validation.studies.limits import Outcome, new_table, show, write_outcome
+from sidestep.validation.studies.limits import PLANT_OPTION, Outcome, new_table, refuse_own, show, write_outcome
 
 CASES = ((0.1, 1), (0.05, 1), (0.02, 5), (0.02, 10))
 """Control period, in [s], and delay in periods."""
@@ -80,6 +78,9 @@ def delay(plant: str, overrides: Sequence[str], out: Path, command_line: str) ->
     Raises:
         InputError: Bad override or plant, or a folder that takes no files.
     """
+    refuse_own(
+        overrides, PLANT_OPTION | {"controller.period": "its CASES", "controller.input_delay_steps": "its CASES"}
+    )
     cases = [(period, steps, known) for period, steps in CASES for known in (True, False)]
     with made(out):
         scenes = {case: scene(*case, plant, overrides) for case in cases}
@@ -106,10 +107,8 @@ def scene(period: float, steps: int, compensated: bool, plant: str, overrides: S
 
 def drive(scenario: Scenario, steps: int) -> Recording:
     """The run with a delay of `steps` control periods: the first by the coupling, the others on the bus."""
-    controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
     bus = DelayLine((steps - 1) * scenario.controller.period)
-    with open_plant(scenario) as plant:
-        return cosimulate(controller, plant, scenario, bus, "one-step-delay")
+    return closed_loop(scenario, port=bus, coupling="one-step-delay")
 
 
 def figure(runs: dict[tuple[float, int, bool], Recording]) -> Figure:

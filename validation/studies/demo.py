@@ -1,16 +1,18 @@
 """`sidestep demo`: the paper's two scenes on three plants with steering on CAN, and the paper's own baseline."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from sidestep.plant_models.errors import InputError, PlantError
-from sidestep.validation.cli.console import print_runs, progress_bar
+from sidestep.validation.console import print_runs, progress_bar
 from sidestep.validation.files import made, write_text, written_to
+from sidestep.validation.judge.findings import Verdict
+from sidestep.validation.judge.run import Run
 from sidestep.validation.judge.summary import strict_json
 from sidestep.validation.report.report import demo_report, write_run
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario
-from sidestep.validation.studies.runs import Run, drive
+from sidestep.validation.studies.runs import drive
 
 SCENES = ("single-obstacle", "double-obstacle")
 CASES = (("linear", "default"), ("single-track", "default"), ("mujoco", "default"), ("linear", "paper"))
@@ -42,14 +44,21 @@ def demo(out: Path, command_line: str = "") -> int:
             interrupted = bool(runs) and runs[-1].interrupted
             if interrupted:
                 break
-        passed = not interrupted and all(s["verdict"] == "pass" for s in summaries if s["preset"] == "default")
+        verdict = _verdict([s["verdict"] for s in summaries if s["preset"] == "default"], interrupted)
         write_text(out / "summary.json", strict_json({"runs": summaries}))
-        write_text(out / "report.html", demo_report(runs, summaries, passed))
+        write_text(out / "report.html", demo_report(runs, summaries, verdict))
     print_runs(summaries)
     print(f"report: {out / 'report.html'}")
     if interrupted:
         raise KeyboardInterrupt
-    return 0 if passed else 1
+    return 0 if verdict is Verdict.PASS else 1
+
+
+def _verdict(verdicts: Sequence[str], interrupted: bool) -> Verdict:
+    """A failure decides; without one, what shows nothing does."""
+    if Verdict.FAIL.value in verdicts:
+        return Verdict.FAIL
+    return Verdict.INCONCLUSIVE if interrupted or Verdict.INCONCLUSIVE.value in verdicts else Verdict.PASS
 
 
 def _part(progress: Callable[[float], None], done: int, duration: float) -> Callable[[float], None]:
@@ -67,7 +76,7 @@ def _run(
     except (InputError, PlantError) as error:
         return {
             "scenario": scenario.name, "plant": scenario.plant.name, "preset": preset,
-            "verdict": "fail", "label": "plant invalid", "error": str(error),
+            "verdict": "fail", "label": "plant invalid", "detail": "", "error": str(error),
         }  # fmt: skip
     write_run(run)
     runs.append(run)

@@ -15,21 +15,32 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from sidestep.controller import Plan, SteeringController
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.validation.cli.console import number, progress_bar
+from sidestep.validation.console import number, progress_bar
 from sidestep.validation.files import made
+from sidestep.validation.judge.findings import Verdict
 from sidestep.validation.judge.verdict import judge
-from sidestep.validation.loop.cosimulation import cosimulate
+from sidestep.validation.loop.closed_loop import closed_loop, open_controller
+from sidestep.validation.loop.cosimulation import Controller
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.scenarios.scenario import Scenario, parse_scenario
-from sidestep.validation.studies.limits import Outcome, counted, kept_rows, new_table, show, write_outcome
+from sidestep.validation.studies.limits import (
+    PLANT_OPTION,
+    Outcome,
+    counted,
+    kept_rows,
+    new_table,
+    refuse_own,
+    show,
+    write_outcome,
+)
 
 PERIOD = 0.01
 """Control period, in [s]."""
@@ -70,7 +81,8 @@ class StintRow:
 
     Attributes:
         stint: Number, which is also the seed of its obstacles, less the first seed.
-        label, end: See Judgement and Recording.
+        verdict, label, end: See Judgement and Recording.
+        touched: Whether something was hit, the road left, or the run broke off.
         min_clearance: In [m].
         distance: Driven, in [m].
         steps, late, stalled: Controller steps; those that took longer than PERIOD twice; those that did so once.
@@ -80,8 +92,10 @@ class StintRow:
     """
 
     stint: int
+    verdict: str
     label: str
     end: str
+    touched: bool
     min_clearance: float
     distance: float
     steps: int
@@ -91,6 +105,11 @@ class StintRow:
     longest_step: float
     longest_stall: float
     memory: float
+
+    @property
+    def held_back(self) -> bool:
+        """Whether the car stopped, crept or was not driven as asked, where there was a way past."""
+        return self.verdict == Verdict.FAIL.value and not self.touched
 
 
 def endurance(
@@ -107,11 +126,13 @@ def endurance(
         command_line: For the JSON file.
 
     Returns:
-        Exit status: 0 without a collision, a late step, a number that is not finite, or memory that grows.
+        Exit status: 0 without a collision, a stop or a creeping drive where there was a way past, a late step, a number
+            that is not finite, or memory that grows.
 
     Raises:
         InputError: Bad override or plant, or a folder that takes no files.
     """
+    refuse_own(overrides, PLANT_OPTION | {"obstacles": "--seed-from"})
     scenario = parse_scenario(_SCENE, "endurance", [*overrides, f"plant.kind={plant}"])
     rows: list[StintRow] = []
     count = max(1, round(3600.0 * hours / STINT))
@@ -125,12 +146,13 @@ def endurance(
             rows.append(row)
             progress(len(rows))
     growth = memory_growth(rows)
-    touched = sum(row.label not in ("ok", "infeasible, handled") for row in rows)
+    touched, held_back = sum(row.touched for row in rows), sum(row.held_back for row in rows)
     longest_stall = max(row.longest_stall for row in rows)
     late, not_finite = sum(row.late for row in rows), sum(row.not_finite for row in rows)
-    passed = not (touched or late or not_finite or growth > MAX_GROWTH)
+    passed = not (touched or held_back or late or not_finite or growth > MAX_GROWTH)
     summary = {
-        "hours": count * STINT / 3600.0, "plant": plant, "touched": touched, "late_steps": late,
+        "hours": count * STINT / 3600.0, "plant": plant, "touched": touched, "held_back": held_back,
+        "inconclusive": sum(row.verdict == Verdict.INCONCLUSIVE.value for row in rows), "late_steps": late,
         "stalled_steps": sum(row.stalled for row in rows), "not_finite": not_finite, "memory_growth_mib": growth,
     }  # fmt: skip
     write_outcome(out, Outcome("endurance", summary, rows, passed), command_line)
@@ -138,6 +160,8 @@ def endurance(
     for name, value in (
         ("driven", f"{sum(row.distance for row in rows) / 1000.0:.1f} km"),
         ("stints that touched something", counted(touched, count)),
+        ("stopped or slow though there was a way past", counted(held_back, count)),
+        ("stints that show nothing", str(summary["inconclusive"])),
         ("steps over 10 ms of processor time", f"{late} of {sum(row.steps for row in rows)}"),
         ("longest step", f"{max(row.longest_step for row in rows) / 1000.0:.2f} ms"),
         ("steps held up by the machine", f"{summary['stalled_steps']}"),
@@ -191,12 +215,12 @@ def resident_memory() -> float:
 class _Timed:
     """A controller whose steps' processor time is taken, in [us]."""
 
-    def __init__(self, controller: SteeringController):
+    def __init__(self, controller: Controller):
         self._controller = controller
         self.times: list[float] = []
 
     @property
-    def plan(self) -> Plan | None:
+    def plan(self) -> Any:
         return self._controller.plan
 
     def reset(self) -> None:
@@ -220,7 +244,7 @@ def _drive(
     late = (first > _LONG) & ~stalled
     judgement = judge(recording, now)
     row = StintRow(
-        stint, judgement.label, recording.end.value,
+        stint, judgement.verdict.value, judgement.label, recording.end.value, judgement.touched,
         judgement.min_clearance if judgement.min_clearance is not None else math.inf,
         float(np.sum(np.hypot(np.diff(recording["x"]), np.diff(recording["y"])))), len(first),
         int(np.count_nonzero(late)), int(np.count_nonzero(stalled)), _not_finite(recording),
@@ -231,8 +255,8 @@ def _drive(
 
 def _timed_drive(scenario: Scenario, plant: Plant) -> tuple[Recording, np.ndarray]:
     """The recording, and every controller step's processor time in [us]."""
-    controller = _Timed(SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller))
-    return cosimulate(controller, plant, scenario), np.array(controller.times)
+    controller = _Timed(open_controller(scenario))
+    return closed_loop(scenario, plant, controller), np.array(controller.times)
 
 
 def _not_long_again(recording: Recording, times: np.ndarray, scenario: Scenario, plant: Plant) -> np.ndarray:

@@ -1,7 +1,8 @@
 """What the `sidestep limits` commands share: the bound of a count of failures, and how results are shown and kept."""
 
 import csv
-from collections.abc import Callable, Iterable, Sequence
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Literal, TextIO, TypeVar, cast
@@ -13,7 +14,8 @@ from rich.markup import escape
 from rich.table import Table
 from scipy.stats import beta
 
-from sidestep.validation.cli.console import progress_bar
+from sidestep.plant_models.errors import InputError
+from sidestep.validation.console import progress_bar
 from sidestep.validation.files import complete, made, write_text, written_to
 from sidestep.validation.judge.summary import strict_json
 
@@ -37,6 +39,26 @@ class Outcome:
     summary: dict[str, Any]
     rows: Sequence[Any]
     passed: bool
+
+
+def refuse_own(overrides: Sequence[str], own: Mapping[str, str]) -> None:
+    """Refuse changes of what a study sets itself: they would make no difference.
+
+    Args:
+        overrides: `key=value`, as given to `--set`.
+        own: What is allowed instead, by the keys that the study sets, those below them included.
+
+    Raises:
+        InputError: One of them is changed.
+    """
+    for key in (change.partition("=")[0].strip() for change in overrides):
+        for name, instead in own.items():
+            if re.split(r"[.\[]", key)[: name.count(".") + 1] == name.split("."):
+                raise InputError(f"--set {key}", "makes no difference here: this study sets it", instead)
+
+
+PLANT_OPTION = {"plant.kind": "--plant"}
+"""What every study takes as an option."""
 
 
 def upper_bound(failures: int, runs: int) -> float:

@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 from rich.table import Table
 from scipy.signal import butter, sosfiltfilt
 
-from sidestep.controller import SteeringController
-from sidestep.validation.loop.cosimulation import cosimulate
-from sidestep.validation.loop.plants import open_plant
+from sidestep.validation.loop.closed_loop import closed_loop
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.scenarios.scenario import load_scenario
-from sidestep.validation.studies.limits import Outcome, new_table, show, write_outcome
+from sidestep.validation.studies.limits import PLANT_OPTION, Outcome, new_table, refuse_own, show, write_outcome
 
 Array = NDArray[np.float64]
 
@@ -104,6 +102,7 @@ def optimum(plants: Sequence[str], overrides: Sequence[str], out: Path, command_
     Raises:
         InputError: Bad override or plant, or a folder that takes no files.
     """
+    refuse_own(overrides, PLANT_OPTION)
     rows = [_drive(scene, plant, overrides) for scene in SCENES for plant in plants]
     passed = all(row.passed for row in rows)
     write_outcome(out, Outcome("optimum", {"optimum": offline_optimum()}, rows, passed), command_line)
@@ -135,9 +134,7 @@ def low_passed(time: Array, signal: Array) -> Array:
 
 def _drive(scene: str, plant: str, overrides: Sequence[str]) -> OptimumRow:
     scenario = load_scenario(scene, [*overrides, f"plant.kind={plant}"])
-    controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
-    with open_plant(scenario) as car:
-        return compare(scene, plant, Peaks.of_recording(cosimulate(controller, car, scenario)))
+    return compare(scene, plant, Peaks.of_recording(closed_loop(scenario)))
 
 
 def _peak(values: Array) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from sidestep.controller.mpc.mpc import Problem, set_up
+from sidestep.controller.mpc.piqp_solver import Problem, set_up
 
 Array = NDArray[np.float64]
 Solve = Callable[[Problem], Array]

@@ -2,45 +2,25 @@
 
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+from sidestep.controller.can_port.codec.database import BusMessage
 from sidestep.controller.can_port.port import SteeringPort
 from sidestep.validation.files import made
+from sidestep.validation.judge.findings import for_the_judge
+from sidestep.validation.judge.run import Run
 from sidestep.validation.judge.summary import summarise
-from sidestep.validation.judge.verdict import Judgement, judge
-from sidestep.validation.loop.closed_loop import open_controller
+from sidestep.validation.judge.verdict import judge
+from sidestep.validation.loop.announced import Announced
+from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.loop.cosimulation import PLANT_STEP, Coupling, cosimulate
+from sidestep.validation.loop.foreign import is_foreign
+from sidestep.validation.loop.measurement import sensed
 from sidestep.validation.loop.plants import open_plant
-from sidestep.validation.loop.recording import End, Recording
+from sidestep.validation.loop.start import reset_to
 from sidestep.validation.report.film import film
 from sidestep.validation.report.viewer import viewer
 from sidestep.validation.scenarios.scenario import Scenario
-
-
-@dataclass(frozen=True)
-class Run:
-    """A finished run.
-
-    Attributes:
-        scenario: What was driven.
-        recording: What happened.
-        judgement: What it is worth.
-        summary: Its numbers, as in summary.json.
-        folder: Where its files are.
-    """
-
-    scenario: Scenario
-    recording: Recording
-    judgement: Judgement
-    summary: dict[str, Any]
-    folder: Path
-
-    @property
-    def interrupted(self) -> bool:
-        """Whether it was ended from the keyboard."""
-        return self.recording.end is End.INTERRUPTED
 
 
 def drive(
@@ -53,6 +33,7 @@ def drive(
     progress: Callable[[float], None] | None = None,
     command_line: str = "",
     render: Path | None = None,
+    message: BusMessage | None = None,
 ) -> Run:
     """Drive a scenario once; only the CAN log is written, to `folder`, which is made if need be.
 
@@ -66,26 +47,37 @@ def drive(
         progress: Called with the simulated time, in [s].
         command_line: For the summary.
         render: Film of MuJoCo's car to write, .gif or .mp4.
+        message: The message that steers; None for STEER_CMD.
 
     Raises:
-        InputError: Plant, bus or folder cannot be used; nothing is left behind then.
+        InputError: Plant, bus or folder cannot be used, or the plant does not start where it is put; nothing is left
+            behind then.
         PlantError: The plant cannot be built or cannot start.
     """
-    controller = open_controller(scenario)
+    told = Announced(bare_controller(scenario))
+    controller = sensed(told, scenario)
     with (
         open_plant(scenario) as plant,
         viewer(plant, scenario, controller) if view else nullcontext() as show,
         film(plant, render, scenario, controller) if render else nullcontext() as shoot,
     ):
-        plant.step(controller.step(plant.reset(scenario.start)), PLANT_STEP)  # load the kernels before the clock runs
+        start, _ = reset_to(plant, scenario.start, scenario.plant)  # refused here, before anything is written
+        command = controller.step(start)  # load the kernels before the clock runs
+        if not is_foreign(scenario.plant):  # an FMU has none, and some start only once
+            plant.step(command, PLANT_STEP)
         with made(folder):
             log = folder / "can.blf"
             log.unlink(missing_ok=True)
-            port = SteeringPort(can, log, scenario.vehicle.steer_rate_limit, allow_real_bus)
+            behind = int(coupling == "one-step-delay")
+            port = SteeringPort(can, log, scenario.vehicle.steer_rate_limit, allow_real_bus, message, behind)
         with port:
+            told.announce = port.announce
             recording = cosimulate(controller, plant, scenario, port, coupling, _all(show, shoot, progress))
-    judgement = judge(recording, scenario)
-    frames = {"sent": port.sent, "lost": port.lost, "interface": port.interface}
+    found = for_the_judge(port.findings())
+    judgement = judge(recording, scenario, found)
+    frames = {
+        "sent": port.sent, "lost": port.lost, "strangers": port.strangers, "interface": port.interface,
+    }  # fmt: skip
     summary = summarise(scenario, recording, judgement, can=frames, coupling=coupling, command_line=command_line)
     return Run(scenario, recording, judgement, summary, folder)
 

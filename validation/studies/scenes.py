@@ -8,23 +8,24 @@ from pathlib import Path
 import numpy as np
 from rich.table import Table
 
-from sidestep.controller import SteeringController
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.validation.files import made, write_text, written_to
 from sidestep.validation.judge.feasibility import assess
-from sidestep.validation.judge.verdict import judge
-from sidestep.validation.loop.cosimulation import cosimulate
+from sidestep.validation.judge.findings import Verdict
+from sidestep.validation.judge.simulate import simulate
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import End, Recording
 from sidestep.validation.scenarios.random_scenes import random_scene
 from sidestep.validation.scenarios.scenario import Scenario, parse_scenario
 from sidestep.validation.studies.limits import (
+    PLANT_OPTION,
     Outcome,
     counted,
     in_parallel,
     kept_rows,
     new_table,
+    refuse_own,
     show,
     upper_bound,
     write_outcome,
@@ -44,8 +45,10 @@ class SceneRow:
         seed: Of the scene.
         speed: At the start, in [m/s].
         obstacles, moving: How many boxes there are, and how many of them move.
-        physics: "passable" at constant speed; else "stoppable"; else "unavoidable".
-        label, end: See Judgement and Recording.
+        physics: "passable" at constant speed, for a clearance of `feasibility.MARGIN`; else "stoppable"; else
+            "unavoidable".
+        verdict, label, detail, end: See Judgement and Recording.
+        touched: Whether something was hit, the road left, or the run broke off.
         min_clearance, min_edge_clearance: To obstacles and edges, in [m].
         final_speed: In [m/s].
         max_lateral_acceleration: In [m/s^2].
@@ -58,8 +61,11 @@ class SceneRow:
     obstacles: int
     moving: int
     physics: str
+    verdict: str
     label: str
+    detail: str
     end: str
+    touched: bool
     min_clearance: float
     min_edge_clearance: float
     final_speed: float
@@ -69,14 +75,20 @@ class SceneRow:
     error: str
 
     @property
-    def touched(self) -> bool:
-        """Whether something was hit, the road left, or the run broke off."""
-        return self.label not in ("ok", "infeasible, handled")
+    def held_back(self) -> bool:
+        """Whether the car stopped, crept or was not driven as asked, where there was a way past."""
+        return self.verdict == Verdict.FAIL.value and not self.touched
+
+    @property
+    def inconclusive(self) -> bool:
+        """Whether the drive shows nothing."""
+        return self.verdict == Verdict.INCONCLUSIVE.value
 
     @property
     def failed(self) -> bool:
         """Whether physics would have allowed better, or a decision was not kept."""
-        return bool(self.error) or (self.physics != UNAVOIDABLE and (self.touched or self.flips > 0))
+        avoidable = self.physics != UNAVOIDABLE and (self.touched or self.flips > 0)
+        return bool(self.error) or avoidable or self.held_back
 
 
 def scenes(seeds: Sequence[int], plant: str, overrides: Sequence[str], jobs: int, out: Path, command_line: str) -> int:
@@ -92,13 +104,14 @@ def scenes(seeds: Sequence[int], plant: str, overrides: Sequence[str], jobs: int
         command_line: For the JSON file.
 
     Returns:
-        Exit status: 0 if nothing failed that physics would have allowed.
+        Exit status: 0 if nothing failed that physics would have allowed, and every drive shows something.
 
     Raises:
         InputError: Bad override or plant, folder that takes no files, or no seed at all.
     """
     if not seeds:
         raise InputError("--count", "no scene", ">= 1")
+    refuse_own(overrides, PLANT_OPTION)
     open_plant(_scenario(seeds[0], plant, overrides)).close()  # bad input shows here, before any process starts
     calls = [partial(run_scene, seed, plant, overrides) for seed in seeds]
     with made(out):
@@ -107,18 +120,16 @@ def scenes(seeds: Sequence[int], plant: str, overrides: Sequence[str], jobs: int
     with written_to(out):
         for row in failed:
             write_text(out / f"scene-{row.seed}.toml", random_scene(row.seed))
-    write_outcome(out, Outcome("scenes", _summary(rows), rows, not failed), command_line)
-    show(_table(rows, plant), *(_line(row) for row in failed))
-    return 1 if failed else 0
+    told = [row for row in rows if row.failed or row.inconclusive]
+    write_outcome(out, Outcome("scenes", _summary(rows), rows, not told), command_line)
+    show(_table(rows, plant), *(_line(row) for row in told))
+    return 1 if told else 0
 
 
 def run_scene(seed: int, plant: str, overrides: Sequence[str] = ()) -> SceneRow:
     """Generate, assess, drive and judge scene `seed`: a pure function."""
     scenario = _scenario(seed, plant, overrides)
-    controller = SteeringController(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
-    with open_plant(scenario) as car:
-        recording = cosimulate(controller, car, scenario)
-    judgement, physics = judge(recording, scenario), assess(scenario)
+    (recording, judgement), physics = simulate(scenario), assess(scenario)
     allowed = PASSABLE if physics.passable else STOPPABLE if physics.stoppable else UNAVOIDABLE
     return SceneRow(
         seed=seed,
@@ -126,8 +137,11 @@ def run_scene(seed: int, plant: str, overrides: Sequence[str] = ()) -> SceneRow:
         obstacles=len(scenario.obstacles),
         moving=sum(o.speed != 0.0 for o in scenario.obstacles),
         physics=allowed,
+        verdict=judgement.verdict.value,
         label=judgement.label,
+        detail=judgement.detail,
         end=recording.end.value,
+        touched=judgement.touched,
         min_clearance=judgement.min_clearance if judgement.min_clearance is not None else np.inf,
         min_edge_clearance=judgement.min_edge_clearance,
         final_speed=float(recording["v_x"][-1]),
@@ -178,28 +192,35 @@ def _summary(rows: Sequence[SceneRow]) -> dict[str, object]:
     classes = {}
     for physics in (PASSABLE, STOPPABLE, UNAVOIDABLE):
         of = [row for row in rows if row.physics == physics]
-        touched = sum(row.touched for row in of)
-        bound = upper_bound(touched, len(of)) if of else None
-        classes[physics] = {"n": len(of), "touched": touched, "upper_bound_95": bound}
+        classes[physics] = {"n": len(of), **_bounded("touched", sum(row.touched for row in of), len(of)),
+                            **_bounded("held_back", sum(row.held_back for row in of), len(of))}  # fmt: skip
     return {
         "classes": classes,
+        "inconclusive": sum(row.inconclusive for row in rows),
         "flips": sum(row.flips for row in rows),
         "errors": sum(bool(row.error) for row in rows),
         "failed_seeds": [row.seed for row in rows if row.failed],
     }
 
 
+def _bounded(name: str, count: int, runs: int) -> dict[str, object]:
+    """A count and the upper bound of its rate; no bound without a run."""
+    bound = upper_bound(count, runs) if runs else None
+    return {name: count, "upper_bound_95" if name == "touched" else f"{name}_upper_bound_95": bound}
+
+
 def _table(rows: Sequence[SceneRow], plant: str) -> Table:
     table = new_table(
-        f"{len(rows)} random scenes on {plant}", "physics allows", "drove on", "stopped or followed",
-        "touched something", "flips", "errors",
+        f"{len(rows)} random scenes on {plant}", "physics allows", "drove on", "stopped or\nfollowed",
+        "touched something", "stopped or slow\nthough passable", "incon-\nclusive", "flips", "errors",
     )  # fmt: skip
     for physics, meaning in _MEANINGS.items():
         of = [row for row in rows if row.physics == physics]
-        clean = [row for row in of if not row.touched]
+        clean = [row for row in of if row.verdict == Verdict.PASS.value]
         on = sum(row.end == End.END_OF_ROAD.value for row in clean)
         table.add_row(
-            meaning, str(on), str(len(clean) - on), counted(len(of) - len(clean), len(of)),
+            meaning, str(on), str(len(clean) - on), counted(sum(row.touched for row in of), len(of)),
+            counted(sum(row.held_back for row in of), len(of)), str(sum(row.inconclusive for row in of)),
             str(sum(row.flips for row in of)), str(sum(bool(row.error) for row in of)),
         )  # fmt: skip
     return table
@@ -210,6 +231,7 @@ _MEANINGS = {PASSABLE: "a way past all", STOPPABLE: "only a stop", UNAVOIDABLE: 
 
 def _line(row: SceneRow) -> str:
     return (
-        f"seed {row.seed}: {row.label} at {row.speed} m/s where physics allows {_MEANINGS[row.physics]}, clearance "
-        f"{row.min_clearance:.2f} m, edge {row.min_edge_clearance:.2f} m, {row.flips} flips {row.error}"
+        f"seed {row.seed}: {row.verdict}: {row.label} at {row.speed} m/s where physics allows "
+        f"{_MEANINGS[row.physics]}, clearance {row.min_clearance:.2f} m, edge {row.min_edge_clearance:.2f} m, "
+        f"{row.flips} flips {row.error or row.detail}"
     )

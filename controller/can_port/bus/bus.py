@@ -6,6 +6,7 @@ Meant for virtual buses: one process (`virtual`), several on one machine (`udp_m
 import ipaddress
 import os
 import socket
+from collections import deque
 from collections.abc import Iterable
 from itertools import count
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import Any, Self
 
 import can
 
+from sidestep.controller.can_port.codec.database import EXTENDED, Frame
 from sidestep.plant_models.errors import InputError
 
 SPECS = "auto, off, virtual:NAME, udp_multicast:GROUP:PORT, socketcan:vcan0"
@@ -25,6 +27,7 @@ _IP_MULTICAST_ALL = 49
 _ARPHRD_CAN = "280"
 _GROUP = "239.74.163.2"  # administratively scoped, python-can's default
 _FIRST_PORT = 43200
+_ECHOES = 64  # own frames that are remembered until they come back
 _BAD_FRAMES = 1000  # one call gives up after so many unreadable frames in a row
 _virtual_channels = count(1)
 
@@ -34,14 +37,17 @@ class Bus:
 
     Args:
         spec: INTERFACE:CHANNEL, as `resolve_spec` returns it.
-        own_ids: Identifiers that are sent from here and are not to be received (udp_multicast always echoes).
+        own_ids: Identifiers that only this end sends.
         echo: Whether the bus hands back what is sent here.
         fd: Whether CAN FD frames are to pass.
         allow_real_bus: Whether the bus may reach hardware.
+        everything: Whether frames of every kind are handed out: error, remote, extended, and others' under `own_ids`.
 
     Attributes:
         spec: The specification.
         errors: Frames that could not be sent or read.
+        strangers: Frames that others sent under `own_ids`.
+        error_frames: What the bus itself reported.
 
     Raises:
         InputError: The bus cannot be opened, or is not virtual and `allow_real_bus` is False.
@@ -54,10 +60,14 @@ class Bus:
         echo: bool = False,
         fd: bool = False,
         allow_real_bus: bool = False,
+        everything: bool = False,
     ):
-        self.spec, self.errors, self._own_ids = spec, 0, frozenset(own_ids)
+        self.spec, self._own_ids, self._everything = spec, frozenset(own_ids), everything
+        self.errors = self.strangers = self.error_frames = 0
+        self._echoes: deque[Frame] = deque(maxlen=_ECHOES)  # sent, and still to come back
         arguments = _bus_arguments(spec, allow_real_bus)
-        if arguments["interface"] != "udp_multicast":
+        self._always_echoes = arguments["interface"] == "udp_multicast"
+        if not self._always_echoes:
             arguments["receive_own_messages"] = echo
         if arguments["interface"] != "virtual":
             arguments["fd"] = fd
@@ -75,10 +85,12 @@ class Bus:
         except (can.CanError, OSError):
             self.errors += 1
             return False
+        if self._always_echoes and (key := key_of(message)) in self._own_ids:
+            self._echoes.append((key, bytes(message.data)))
         return True
 
     def receive(self, timeout: float = 0.0) -> can.Message | None:
-        """The next data frame that is not our own; None if none arrives within `timeout` seconds."""
+        """The next frame that is not our own; None if none arrives within `timeout` seconds."""
         deadline = monotonic() + timeout if timeout > 0.0 else 0.0
         for _ in range(_BAD_FRAMES):
             try:
@@ -106,13 +118,30 @@ class Bus:
     def __exit__(self, *exc: object) -> None:
         self.close()
 
-    def _is_wanted(self, message: can.Message) -> bool:
-        return (
-            message.arbitration_id not in self._own_ids
-            and not message.is_error_frame
-            and not message.is_remote_frame
-            and not message.is_extended_id
+    def is_ours(self, message: can.Message) -> bool:
+        """Whether it is a data frame that others send; with an extended identifier only if everything is wanted."""
+        return not (
+            message.is_error_frame
+            or message.is_remote_frame
+            or (message.is_extended_id and not self._everything)
+            or key_of(message) in self._own_ids
         )
+
+    def _is_wanted(self, message: can.Message) -> bool:
+        if message.is_error_frame:
+            self.error_frames += 1
+        elif (key := key_of(message)) in self._own_ids:
+            sent = (key, bytes(message.data))
+            if sent in self._echoes:
+                self._echoes.remove(sent)
+                return False
+            self.strangers += 1
+        return self._everything or self.is_ours(message)
+
+
+def key_of(message: can.Message) -> int:
+    """Identifier of a frame, `EXTENDED` added to one of 29 bits."""
+    return message.arbitration_id | EXTENDED * message.is_extended_id
 
 
 def resolve_spec(spec: str, several_processes: bool = False) -> str:

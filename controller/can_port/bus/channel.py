@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from sidestep.controller.can_port.codec.database import ProtectedMessage
+from sidestep.controller.can_port.codec.database import CYCLE, BusMessage
 from sidestep.controller.can_port.protection.e2e import ACCEPTED, Receiver
 from sidestep.controller.can_port.protection.e2e_state import E2EState, E2EStateMachine
 
@@ -21,10 +21,12 @@ class Channel:
         machine: State machine over the checks.
     """
 
-    def __init__(self, message: ProtectedMessage):
+    def __init__(self, message: BusMessage):
         self.message = message
         self.receiver = Receiver(message.profile, message.length)
         self.machine = E2EStateMachine()
+        self._cycles_per_frame = max(1, round(message.cycle / CYCLE))
+        self._missed = 0
 
     @property
     def state(self) -> E2EState:
@@ -36,6 +38,7 @@ class Channel:
 
         It may if the check says OK or OKSOMELOST, the channel is VALID and the reserved bits are 0.
         """
+        self._missed = 0
         status = self.receiver.check(data)
         valid = self.machine.add(status) is E2EState.VALID and status in ACCEPTED
         return valid and data is not None and not int.from_bytes(data, "little") & self.message.reserved
@@ -44,5 +47,11 @@ class Channel:
         """Check what arrived in one cycle, oldest first; what of it may be used."""
         arrived = list(frames)
         if not arrived:
-            self.accept(None)
+            self.miss()
         return [data for data in arrived if self.accept(data)]
+
+    def miss(self) -> None:
+        """Nothing arrived in this cycle of the node; counts where the message was due."""
+        self._missed += 1
+        if self._missed >= self._cycles_per_frame:
+            self.accept(None)

@@ -4,24 +4,27 @@ The same description gives the arguments of `tc netem` for a real vcan, as far a
 """
 
 import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from heapq import heappop, heappush
-from math import inf, isfinite
+from math import inf
 from pathlib import Path
 from random import Random
+from typing import Annotated
 
-from sidestep.controller.can_port.codec.database import Frame, ProtectedMessage, messages
+from sidestep.controller.can_port.codec.database import BusMessage, Catalogue, Frame, messages
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.ranges import Range, check
 
 REORDER_DELAY = 0.03
 """How long a frame is held back so that later ones overtake it, in [s]."""
 
 _FOREIGN_IDS = 0x100  # below all of ours: they would win every arbitration
-_PROBABILITIES = (
-    "loss", "duplication", "reorder", "corruption", "wrong_length", "masquerade", "counter_jump",
-)  # fmt: skip
 _NETEM = {"loss": "loss", "duplication": "duplicate", "corruption": "corrupt"}
+
+
+_FLAG = "true or false"
+
+Probability = Annotated[float, Range(0.0, 1.0)]
 
 
 @dataclass(frozen=True)
@@ -49,33 +52,29 @@ class FaultSpec:
         flood: Foreign frames ahead of every frame.
     """
 
-    seed: int = 0
+    seed: Annotated[int, Range(0, 2**63 - 1)] = 0
     only: str = ""
-    start: float = 0.0
-    end: float = inf
-    loss: float = 0.0
-    burst: int = 1
-    duplication: float = 0.0
-    delay: float = 0.0
-    jitter: float = 0.0
-    reorder: float = 0.0
-    corruption: float = 0.0
-    wrong_length: float = 0.0
-    masquerade: float = 0.0
-    counter_jump: float = 0.0
+    start: Annotated[float, Range(0.0, 1e6, "s")] = 0.0
+    end: Annotated[float, Range(0.0, inf, "s")] = inf
+    loss: Probability = 0.0
+    burst: Annotated[int, Range(1, 10_000)] = 1
+    duplication: Probability = 0.0
+    delay: Annotated[float, Range(0.0, 10.0, "s")] = 0.0
+    jitter: Annotated[float, Range(0.0, 10.0, "s")] = 0.0
+    reorder: Probability = 0.0
+    corruption: Probability = 0.0
+    wrong_length: Probability = 0.0
+    masquerade: Probability = 0.0
+    counter_jump: Probability = 0.0
     freeze: bool = False
     stuck: bool = False
-    flood: int = 0
+    flood: Annotated[int, Range(0, 1000)] = 0
 
     def __post_init__(self) -> None:
-        for f in fields(self):
-            _require(f"faults.{f.name}", getattr(self, f.name), type(f.default))
-        for name in _PROBABILITIES:
-            if not 0.0 <= getattr(self, name) <= 1.0:
-                raise InputError(f"faults.{name}", f"{getattr(self, name)}", "0 to 1")
-        for name, least in (("start", 0), ("delay", 0), ("jitter", 0), ("burst", 1), ("flood", 0)):
-            if not (isfinite(getattr(self, name)) and getattr(self, name) >= least):
-                raise InputError(f"faults.{name}", f"{getattr(self, name)}", f">= {least}")
+        check(self, "faults")
+        for name, kind, allowed in (("freeze", bool, _FLAG), ("stuck", bool, _FLAG), ("only", str, "a text")):
+            if not isinstance(value := getattr(self, name), kind):
+                raise InputError(f"faults.{name}", f"{value!r}", allowed)
         if not self.end > self.start:
             raise InputError("faults.end", f"{self.end} s", f"> start ({self.start})")
         if self.only and self.only not in messages():
@@ -128,9 +127,11 @@ class FaultyBus:
         name: Two buses with the same specification and different names draw different random numbers.
     """
 
-    def __init__(self, spec: FaultSpec, catalogue: Mapping[str, ProtectedMessage] | None = None, name: str = ""):
+    def __init__(self, spec: FaultSpec, catalogue: Catalogue | None = None, name: str = ""):
         self.spec = spec
-        self._messages = {message.frame_id: message for message in (catalogue or messages()).values()}
+        self._messages: dict[int, BusMessage] = {
+            message.frame_id: message for message in (catalogue or messages()).values()
+        }
         self._draws = {f.name: Random(f"{spec.seed} {f.name}{name}") for f in fields(spec)}
         self._under_way: list[tuple[float, int, Frame]] = []
         self._sent = 0
@@ -176,7 +177,7 @@ class FaultyBus:
         self._to_lose -= lost
         return lost
 
-    def _at_the_sender(self, message: ProtectedMessage, data: bytes) -> bytes:
+    def _at_the_sender(self, message: BusMessage, data: bytes) -> bytes:
         """Faults of the sender: what it sends is intact, but not what it should be."""
         past = self._last.setdefault(message.frame_id, data)
         if self.spec.freeze:
@@ -202,12 +203,12 @@ class FaultyBus:
             data = data[: self._draws["wrong_length"].randrange(len(data))]
         return data
 
-    def _renumbered(self, message: ProtectedMessage, data: bytes) -> bytes:
+    def _renumbered(self, message: BusMessage, data: bytes) -> bytes:
         offset, counter = self._offsets.get(message.frame_id, 0), message.profile.counter_of(data)
         return _protect(message, data, counter + offset) if offset and counter is not None else data
 
 
-def _protect(message: ProtectedMessage, data: bytes, counter: int) -> bytes:
+def _protect(message: BusMessage, data: bytes, counter: int) -> bytes:
     """The payload of `data` under a fresh header."""
     fresh = bytearray(data)
     message.profile.protect(fresh, counter % message.profile.counters)
@@ -216,11 +217,3 @@ def _protect(message: ProtectedMessage, data: bytes, counter: int) -> bytes:
 
 def _percent(name: str, share: float) -> list[str]:
     return [name, f"{100.0 * share:g}%"] if share else []
-
-
-def _require(where: str, value: object, kind: type) -> None:
-    fits = isinstance(value, kind) or (kind is float and isinstance(value, int))
-    if not fits or isinstance(value, bool) != (kind is bool):
-        raise InputError(
-            where, f"{value!r}", {bool: "true or false", str: "a text", int: "a whole number"}.get(kind, "a number")
-        )

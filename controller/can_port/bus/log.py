@@ -20,13 +20,19 @@ _READERS: dict[str, Any] = {
 }  # fmt: skip
 
 
-def open_log(path: Path) -> Any:
+def open_log(path: Path, overwrite: bool = True) -> Any:
     """A writer for what `can.Message`s arrive; a context manager.
 
+    Args:
+        path: File, whose ending says which kind.
+        overwrite: Whether it may be there already.
+
     Raises:
-        InputError: Unknown ending, or the file cannot be written.
+        InputError: Unknown ending, or the file cannot be written, or is there already.
     """
     writer = _by_ending(_WRITERS, path)
+    if not overwrite and path.exists():
+        raise InputError(str(path), "is there already", "another name, or --overwrite")
     try:
         log = writer(path)
     except OSError as error:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from math import isfinite
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Protocol
 
 import cantools.database
 from cantools.database.can import Database, Message, Signal
@@ -19,8 +19,17 @@ from sidestep.controller.can_port.protection.e2e import Profile, Profile2, Profi
 DBC = Path(__file__).parents[1] / "steer.dbc"
 """The database file, the one description of every message."""
 
+CYCLE = 0.01
+"""Time between two cycles of a node, in [s]: that of every message but CTRL_STATUS."""
+
 Frame = tuple[int, bytes]
-"""Identifier and data."""
+"""Identifier and data; `EXTENDED` is added to an identifier of 29 bits."""
+
+EXTENDED = 0x80000000
+"""Flag of an identifier of 29 bits, as Linux has it."""
+
+EXACT = "STATE_EXACT"
+"""Name of the message that is in logs only."""
 
 Protection = Literal["P02", "P05", "none"]
 """AUTOSAR E2E Profile 2 on classic CAN, Profile 5 on CAN FD, or nothing."""
@@ -52,6 +61,35 @@ class PackedSignal(NamedTuple):
     safe: int
 
 
+class BusMessage(Protocol):
+    """A message that one of ours may be, of steer.dbc or of a mapping file; the members are `ProtectedMessage`'s."""
+
+    @property
+    def name(self) -> str: ...  # noqa: D102
+    @property
+    def frame_id(self) -> int: ...  # noqa: D102
+    @property
+    def length(self) -> int: ...  # noqa: D102
+    @property
+    def cycle(self) -> float: ...  # noqa: D102
+    @property
+    def profile(self) -> Profile: ...  # noqa: D102
+    @property
+    def sender(self) -> str: ...  # noqa: D102
+    @property
+    def tied(self) -> bool: ...  # noqa: D102
+    @property
+    def reserved(self) -> int: ...  # noqa: D102
+    @property
+    def is_fd(self) -> bool: ...  # noqa: D102
+    def encode(self, values: Mapping[str, float], counter: int) -> bytes: ...  # noqa: D102
+    def decode(self, data: bytes | bytearray) -> dict[str, float]: ...  # noqa: D102
+
+
+Catalogue = Mapping[str, BusMessage]
+"""Messages by name; that which steers is STEER_CMD whoever made it."""
+
+
 @dataclass(frozen=True)
 class ProtectedMessage:
     """One message of the database with its end-to-end protection.
@@ -64,6 +102,7 @@ class ProtectedMessage:
         profile: End-to-end protection.
         signals: Every signal behind the protection header.
         sender: Name of the node that sends it.
+        tied: Whether its alive counter is that of the sample or command it belongs to.
     """
 
     name: str
@@ -73,6 +112,7 @@ class ProtectedMessage:
     profile: Profile
     signals: tuple[PackedSignal, ...]
     sender: str
+    tied: bool = True
 
     def encode(self, values: Mapping[str, float], counter: int) -> bytes:
         """Protected frame that carries `values`.
@@ -105,9 +145,13 @@ class ProtectedMessage:
             values[name] = (raw - ((raw & sign_bit) << 1)) * scale
         return values
 
-    @cached_property
+    @property
     def reserved(self) -> int:
         """Mask of the bits that neither header nor signals use, which are sent as 0; byte 0 is the lowest."""
+        return self._reserved
+
+    @cached_property
+    def _reserved(self) -> int:
         used = (1 << self.profile.header_bits) - 1
         for signal in self.signals:
             used |= signal.mask << signal.start
@@ -130,8 +174,9 @@ class ProtectedMessage:
 
 @cache
 def messages(protection: Protection = "P02") -> dict[str, ProtectedMessage]:
-    """The messages of steer.dbc by name."""
-    return {message.name: _protected(message, protection) for message in load_dbc(protection).messages}
+    """The protected messages of steer.dbc by name: those that travel."""
+    travelling = (message for message in load_dbc(protection).messages if message.name != EXACT)
+    return {message.name: _protected(message, protection) for message in travelling}
 
 
 def load_dbc(protection: Protection = "P02") -> Database:
@@ -139,6 +184,8 @@ def load_dbc(protection: Protection = "P02") -> Database:
     database = cantools.database.load_file(DBC)
     assert isinstance(database, Database)
     for message in database.messages:
+        if message.name == EXACT:
+            continue
         if protection == "P05":
             _lengthen(message)
         elif protection == "none":

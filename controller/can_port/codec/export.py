@@ -49,8 +49,9 @@ def _row(signal: Signal) -> str:
     meaning = "; ".join(words for words in (signal.comment, names) if words)
     last = signal.start + signal.length - 1
     bits = f"{signal.start}" if signal.length == 1 else f"{signal.start}-{last}{' signed' if signal.is_signed else ''}"
+    kind = "any" if signal.minimum is None else f"{signal.minimum:g} to {signal.maximum:g}"
     return (
-        f"| {signal.name} | {bits} | {signal.scale:g} | {signal.minimum:g} to {signal.maximum:g} | "
+        f"| {signal.name} | {bits} | {'double' if signal.is_float else f'{signal.scale:g}'} | {kind} | "
         f"{signal.unit or ''} | {signal.raw_initial or 0} | {meaning} |\n"
     )
 

@@ -6,29 +6,26 @@ Every `encode_*` returns a protected frame, saturates what is out of range and n
 Every `decode_*` takes a frame that an `e2e.Receiver` accepted and never raises either.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from math import isfinite, pi, remainder
 from typing import NamedTuple
 
-from sidestep.controller.can_port.codec.database import ProtectedMessage, messages
+from sidestep.controller.can_port.codec.database import CYCLE, BusMessage, messages
 from sidestep.controller.can_port.protection.e2e_state import E2EState
-from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
+from sidestep.plant_models.signals import Status, SteeringCommand
 
 STEER_CMD = messages()["STEER_CMD"]
 STEER_STATUS = messages()["STEER_STATUS"]
-VEH_DYN, VEH_POS, VEH_HEADING = (messages()[name] for name in ("VEH_DYN", "VEH_POS", "VEH_HEADING"))
 CTRL_STATUS = messages()["CTRL_STATUS"]
-
-VEHICLE_STATE = (VEH_DYN, VEH_POS, VEH_HEADING)
-"""The messages that together carry one sample of the vehicle's motion, in the order they are sent."""
 
 MAX_ANGLE = STEER_CMD.highest("SteerCmd_Angle")
 """Largest steering angle that STEER_CMD can carry, in [rad]."""
 
 MAX_RATE_LIMIT = STEER_CMD.highest("SteerCmd_RateLimit")
 """Largest steering rate limit that STEER_CMD can carry, in [rad/s]."""
+
+ANSWERS = 63
+"""A command names the sample that it answers modulo this; 63 says "not known"."""
 
 _STATUSES = tuple(Status)  # faster than Status(number); two bits, four names
 
@@ -84,12 +81,14 @@ class SteerFrame(NamedTuple):
         enable: Whether the steering may follow the angle.
         rate_limit: Largest road-wheel rate the controller reckons with, in [rad/s].
         plausible: Whether `encode_steer_command` can have made it.
+        answers: Number of the sample that it answers, modulo `ANSWERS`; None if it does not say.
     """
 
     command: SteeringCommand
     enable: bool
     rate_limit: float
     plausible: bool = True
+    answers: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +136,8 @@ def encode_steer_command(
     counter: int,
     enable: bool = True,
     rate_limit: float = MAX_RATE_LIMIT,
-    message: ProtectedMessage = STEER_CMD,
+    message: BusMessage = STEER_CMD,
+    answers: int | None = None,
 ) -> bytes:
     """STEER_CMD frame of a command.
 
@@ -147,6 +147,7 @@ def encode_steer_command(
         enable: Whether the steering may follow the angle; if not, the angle goes out as 0.
         rate_limit: Largest road-wheel rate the controller reckons with, in [rad/s].
         message: STEER_CMD in the protection to use.
+        answers: Number of the sample that it answers; None if that is not known.
     """
     return message.encode(
         {
@@ -156,12 +157,13 @@ def encode_steer_command(
             "SteerCmd_RateLimit": rate_limit,
             "SteerCmd_TargetSpeed": command.target_speed,
             "SteerCmd_Status": command.status,
+            "SteerCmd_Answers": CYCLE * (ANSWERS if answers is None else answers % ANSWERS),
         },
         counter,
     )
 
 
-def decode_steer_command(data: bytes | bytearray, time: float, message: ProtectedMessage = STEER_CMD) -> SteerFrame:
+def decode_steer_command(data: bytes | bytearray, time: float, message: BusMessage = STEER_CMD) -> SteerFrame:
     """Command of a STEER_CMD frame.
 
     A frame whose mode is not ANGLE, or whose angle lies outside its range, counts as not enabled. It is implausible
@@ -179,88 +181,29 @@ def decode_steer_command(data: bytes | bytearray, time: float, message: Protecte
     plausible = enable or (angle == 0.0 and not asked and not ready)
     status = _STATUSES[int(values["SteerCmd_Status"])]
     command = SteeringCommand(time, angle if enable else 0.0, values["SteerCmd_TargetSpeed"], status)
-    return SteerFrame(command, enable, values["SteerCmd_RateLimit"], plausible)
+    answers = round(values["SteerCmd_Answers"] / CYCLE)
+    return SteerFrame(
+        command, enable, values["SteerCmd_RateLimit"], plausible, None if answers == ANSWERS else answers
+    )  # fmt: skip
 
 
-def encode_vehicle_state(
-    state: VehicleState,
-    lateral_acceleration: float,
-    counter: int,
-    valid: bool = True,
-    sample: Sequence[ProtectedMessage] = VEHICLE_STATE,
-) -> list[bytes]:
-    """Frames of one sample, in the order of `VEHICLE_STATE`.
-
-    The heading goes out wrapped to one turn; the steering angle is STEER_STATUS's.
-
-    Args:
-        state: What to send; a frame with a number in it that is not finite says valid = 0.
-        lateral_acceleration: At the centre of gravity, in [m/s^2].
-        counter: Alive counter, the same in all three frames: it ties them together.
-        valid: Whether the state is to be used.
-        sample: `VEHICLE_STATE` in the protection to use.
-    """
-    values = (
-        {
-            "VehDyn_Valid": valid,
-            "VehDyn_Speed": state.v_x,
-            "VehDyn_YawRate": state.yaw_rate,
-            "VehDyn_AccLat": lateral_acceleration,
-        },
-        {"VehPos_Valid": valid, "VehPos_X": state.x, "VehPos_Y": state.y},
-        {"VehHeading_Valid": valid, "VehHeading_Yaw": _wrap(state.yaw), "VehHeading_SpeedLat": state.v_y},
-    )
-    return [message.encode(of_message, counter) for message, of_message in zip(sample, values, strict=True)]
-
-
-def decode_vehicle_state(
-    frames: Sequence[bytes | bytearray],
-    time: float,
-    steer_angle: float = 0.0,
-    near_yaw: float = 0.0,
-    sample: Sequence[ProtectedMessage] = VEHICLE_STATE,
-) -> VehicleState | None:
-    """State of one sample; None if a frame says that it is not valid.
-
-    Args:
-        frames: Checked frames with the same counter, in the order of `VEHICLE_STATE`.
-        time: Time of reception, in [s].
-        steer_angle: Realised road-wheel angle from STEER_STATUS, in [rad].
-        near_yaw: A heading less than half a turn away, such as the last one, in [rad]; it undoes the wrapping.
-        sample: `VEHICLE_STATE` in the protection in use.
-    """
-    values: dict[str, float] = {}
-    for message, data in zip(sample, frames, strict=True):
-        values |= message.decode(data)
-    if not (values["VehDyn_Valid"] and values["VehPos_Valid"] and values["VehHeading_Valid"]):
-        return None
-    return VehicleState(
-        time=time,
-        x=values["VehPos_X"],
-        y=values["VehPos_Y"],
-        yaw=near_yaw + _wrap(values["VehHeading_Yaw"] - near_yaw),
-        v_x=values["VehDyn_Speed"],
-        v_y=values["VehHeading_SpeedLat"],
-        yaw_rate=values["VehDyn_YawRate"],
-        steer_angle=steer_angle,
-    )
-
-
-def encode_steer_status(status: SteerStatus, counter: int, message: ProtectedMessage = STEER_STATUS) -> bytes:
+def encode_steer_status(status: SteerStatus, counter: int, message: BusMessage = STEER_STATUS) -> bytes:
     """STEER_STATUS frame."""
-    return message.encode(
-        {
-            "SteerStatus_State": status.state,
-            "SteerStatus_Angle": status.angle,
-            "SteerStatus_Rate": status.rate,
-            "SteerStatus_E2EState": status.e2e_state,
-            "SteerStatus_LostCount": status.lost,
-        },
-        counter,
-    )
+    return message.encode(steer_status_values(status), counter)
 
 
-def decode_steer_status(data: bytes | bytearray, message: ProtectedMessage = STEER_STATUS) -> SteerStatus:
+def steer_status_values(status: SteerStatus) -> dict[str, float]:
+    """Signals of STEER_STATUS."""
+    return {
+        "SteerStatus_State": status.state,
+        "SteerStatus_Angle": status.angle,
+        "SteerStatus_Rate": status.rate,
+        "SteerStatus_E2EState": status.e2e_state,
+        "SteerStatus_LostCount": status.lost,
+    }
+
+
+def decode_steer_status(data: bytes | bytearray, message: BusMessage = STEER_STATUS) -> SteerStatus:
     """Record of a checked STEER_STATUS frame."""
     values = message.decode(data)
     return SteerStatus(
@@ -272,7 +215,7 @@ def decode_steer_status(data: bytes | bytearray, message: ProtectedMessage = STE
     )
 
 
-def encode_controller_status(status: ControllerStatus, counter: int, message: ProtectedMessage = CTRL_STATUS) -> bytes:
+def encode_controller_status(status: ControllerStatus, counter: int, message: BusMessage = CTRL_STATUS) -> bytes:
     """CTRL_STATUS frame."""
     return message.encode(
         {
@@ -287,7 +230,7 @@ def encode_controller_status(status: ControllerStatus, counter: int, message: Pr
     )
 
 
-def decode_controller_status(data: bytes | bytearray, message: ProtectedMessage = CTRL_STATUS) -> ControllerStatus:
+def decode_controller_status(data: bytes | bytearray, message: BusMessage = CTRL_STATUS) -> ControllerStatus:
     """Record of a checked CTRL_STATUS frame."""
     values = message.decode(data)
     return ControllerStatus(
@@ -298,8 +241,3 @@ def decode_controller_status(data: bytes | bytearray, message: ProtectedMessage 
         slack=values["CtrlStatus_Slack"],
         iterations=int(values["CtrlStatus_Iterations"]),
     )
-
-
-def _wrap(angle: float) -> float:
-    """The same direction within half a turn, in [rad]; what is not finite stays so."""
-    return remainder(angle, 2.0 * pi) if isfinite(angle) else angle

@@ -7,7 +7,7 @@ What a receiver makes of a series of checks is in `e2e_state`.
 from collections import Counter
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import ClassVar
+from typing import Protocol
 
 from e2e.p02 import e2e_p02_check, e2e_p02_protect
 from e2e.p05 import e2e_p05_check, e2e_p05_protect
@@ -38,8 +38,8 @@ class Profile2:
     """
 
     data_ids: bytes
-    header_bits: ClassVar[int] = 12
-    counters: ClassVar[int] = 16
+    header_bits = 12
+    counters = 16
 
     def protect(self, data: bytearray, counter: int) -> None:
         """Write counter and CRC into `data`."""
@@ -60,8 +60,8 @@ class Profile5:
     """
 
     data_id: int
-    header_bits: ClassVar[int] = 24
-    counters: ClassVar[int] = 256
+    header_bits = 24
+    counters = 256
 
     def protect(self, data: bytearray, counter: int) -> None:
         """Write counter and CRC into `data`."""
@@ -77,8 +77,8 @@ class Profile5:
 class Unprotected:
     """No protection: the layout of Profile 2 with an empty header. Every frame counts as the next in line."""
 
-    header_bits: ClassVar[int] = 12
-    counters: ClassVar[int] = 1
+    header_bits = 12
+    counters = 1
 
     def protect(self, data: bytearray, counter: int) -> None:
         """Leave `data` as it is."""
@@ -88,7 +88,26 @@ class Unprotected:
         return 0
 
 
-Profile = Profile2 | Profile5 | Unprotected
+class Profile(Protocol):
+    """What protects a message: ours of AUTOSAR, or somebody else's."""
+
+    @property
+    def header_bits(self) -> int:
+        """Bits ahead of the signals that counter and CRC take."""
+        ...
+
+    @property
+    def counters(self) -> int:
+        """How many values the counter has; 1 if there is none."""
+        ...
+
+    def protect(self, data: bytearray, counter: int) -> None:
+        """Write counter and CRC into `data`."""
+        ...
+
+    def counter_of(self, data: bytes | bytearray) -> int | None:
+        """The counter of an intact frame; None if it is not intact."""
+        ...
 
 
 class Receiver:

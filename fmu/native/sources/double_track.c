@@ -9,7 +9,8 @@
 enum { N_WHEELS = 4 }; /* front left, front right, rear left, rear right */
 
 typedef struct {
-    double x, y, c, s; /* place in the car; cosine and sine of its steering angle */
+    double x, y, c, s;   /* place in the car; cosine and sine of its steering angle */
+    double scale, lever; /* of its cornering stiffness; of the centre of gravity above the roll centre */
 } Place;
 
 typedef struct {
@@ -20,10 +21,11 @@ typedef struct {
 static void places(const double v[], double steer_angle, Place at[]) {
     double delta = steer_angle + v[STEER_OFFSET], c = cos(delta), s = sin(delta);
     double front = 0.5 * v[TRACK_FRONT], rear = 0.5 * v[TRACK_REAR];
-    at[0] = (Place){v[L_F], front, c, s};
-    at[1] = (Place){v[L_F], -front, c, s};
-    at[2] = (Place){-v[L_R], rear, 1.0, 0.0};
-    at[3] = (Place){-v[L_R], -rear, 1.0, 0.0};
+    double lever_f = v[CG_HEIGHT] - v[ROLL_CENTRE_FRONT], lever_r = v[CG_HEIGHT] - v[ROLL_CENTRE_REAR];
+    at[0] = (Place){v[L_F], front, c, s, v[TYRE_SCALE_FRONT], lever_f};
+    at[1] = (Place){v[L_F], -front, c, s, v[TYRE_SCALE_FRONT], lever_f};
+    at[2] = (Place){-v[L_R], rear, 1.0, 0.0, v[TYRE_SCALE_REAR], lever_r};
+    at[3] = (Place){-v[L_R], -rear, 1.0, 0.0, v[TYRE_SCALE_REAR], lever_r};
 }
 
 /* Velocity of a wheel along and across itself. */
@@ -33,44 +35,59 @@ static void wheel_velocity(const Place *at, double v_x, double v_y, double r, do
     *w = across * at->c - along * at->s;
 }
 
-/* Loads of an axle's wheels from its share of roll stiffness and damping; returns the moment against the roll. */
-static double share_load(double axle_load, double stiffness, double damping, double track, double roll,
-                         double roll_rate, double load[]) {
-    double half = 0.5 * axle_load, transfer = clip((stiffness * roll + damping * roll_rate) / track, -half, half);
+/* Loads of an axle's wheels; `moment` is that of springs, dampers and the roll centre against the roll. */
+static double share_load(double axle_load, double moment, double track, double load[]) {
+    double half = 0.5 * axle_load, transfer = clip(moment / track, -half, half);
     load[0] = half - transfer;
     load[1] = half + transfer;
     return transfer * track;
 }
 
-static void share_loads(const double v[], const double s[], double a_x, Motion *now) {
-    double front = front_load(v, a_x), roll = s[ROLL - FIRST_STATE], rate = s[ROLL_RATE - FIRST_STATE];
-    now->roll_moment = v[MASS] * GRAVITY * v[CG_HEIGHT] * roll;
-    now->roll_moment -= share_load(front, v[ROLL_STIFFNESS_FRONT], v[ROLL_DAMPING_FRONT], v[TRACK_FRONT], roll, rate,
-                                   now->load);
-    now->roll_moment -= share_load(v[MASS] * GRAVITY - front, v[ROLL_STIFFNESS_REAR], v[ROLL_DAMPING_REAR],
-                                   v[TRACK_REAR], roll, rate, now->load + 2);
+/* `through` is the lateral force that goes through each axle's roll centre. */
+static void share_loads(const double v[], const double s[], double a_x, const double through[], Motion *now) {
+    double front = front_load(v, a_x), rear = v[MASS] * GRAVITY - front;
+    double roll = s[ROLL - FIRST_STATE], rate = s[ROLL_RATE - FIRST_STATE];
+    double front_moment = v[ROLL_STIFFNESS_FRONT] * roll + v[ROLL_DAMPING_FRONT] * rate;
+    double rear_moment = v[ROLL_STIFFNESS_REAR] * roll + v[ROLL_DAMPING_REAR] * rate;
+    front_moment += v[ROLL_CENTRE_FRONT] * through[0];
+    rear_moment += v[ROLL_CENTRE_REAR] * through[1];
+    now->roll_moment = front * (v[CG_HEIGHT] - v[ROLL_CENTRE_FRONT]) * roll;
+    now->roll_moment += rear * (v[CG_HEIGHT] - v[ROLL_CENTRE_REAR]) * roll;
+    now->roll_moment -= share_load(front, front_moment, v[TRACK_FRONT], now->load);
+    now->roll_moment -= share_load(rear, rear_moment, v[TRACK_REAR], now->load + 2);
+}
+
+/* Forces and moments of the tyres under the loads; `axle` is the lateral force of front and rear. */
+static void push(const double v[], const double s[], const Place at[], double a_x, Motion *now, double axle[]) {
+    double v_x = s[V_X - FIRST_STATE], r = s[YAW_RATE - FIRST_STATE], u, w;
+    now->force_x = now->force_y = now->yaw_moment = axle[0] = axle[1] = 0.0;
+    for (int i = 0; i < N_WHEELS; i++) {
+        double v_y = s[V_Y - FIRST_STATE] + at[i].lever * s[ROLL_RATE - FIRST_STATE]; /* of the road's point below */
+        wheel_velocity(&at[i], v_x, v_y, r, &u, &w);
+        Wheel tyre = wheel(u, w, s[FRONT_LEFT_SLIP - FIRST_STATE + i], now->load[i], a_x / GRAVITY * now->load[i],
+                           at[i].y > 0.0 ? LEFT : RIGHT, at[i].scale, v); /* each uses the same part of its grip */
+        double force_x = tyre.force_x * at[i].c - tyre.force_y * at[i].s;
+        double force_y = tyre.force_x * at[i].s + tyre.force_y * at[i].c;
+        now->force_x += force_x;
+        now->force_y += force_y;
+        now->yaw_moment += at[i].x * force_y - at[i].y * force_x;
+        now->slip_angle[i] = tyre.slip_angle;
+        now->slip_rate[i] = tyre.slip_rate;
+        axle[i / 2] += force_y;
+    }
 }
 
 /* Forces and moments on the car in the given state; s points at the integrated states. */
 static Motion motion(const double v[], const double s[], double steer_angle) {
     Motion now = {.force_x = 0.0};
     Place at[N_WHEELS];
-    double v_x = s[V_X - FIRST_STATE], r = s[YAW_RATE - FIRST_STATE];
-    double v_y = s[V_Y - FIRST_STATE] + v[CG_HEIGHT] * s[ROLL_RATE - FIRST_STATE]; /* of the road's point below it */
-    double a_x = asked_of_tyres(v, v_x), u, w;
+    double a_x = asked_of_tyres(v, s[V_X - FIRST_STATE]), axle[2] = {0.0, 0.0}, last[2];
     places(v, steer_angle, at);
-    share_loads(v, s, a_x, &now);
-    for (int i = 0; i < N_WHEELS; i++) {
-        wheel_velocity(&at[i], v_x, v_y, r, &u, &w);
-        Wheel tyre = wheel(u, w, s[FRONT_LEFT_SLIP - FIRST_STATE + i], now.load[i], a_x / GRAVITY * now.load[i],
-                           at[i].y > 0.0 ? LEFT : RIGHT, v); /* each uses the same part of its grip */
-        double force_x = tyre.force_x * at[i].c - tyre.force_y * at[i].s;
-        double force_y = tyre.force_x * at[i].s + tyre.force_y * at[i].c;
-        now.force_x += force_x;
-        now.force_y += force_y;
-        now.yaw_moment += at[i].x * force_y - at[i].y * force_x;
-        now.slip_angle[i] = tyre.slip_angle;
-        now.slip_rate[i] = tyre.slip_rate;
+    share_loads(v, s, a_x, axle, &now);
+    push(v, s, at, a_x, &now, axle);
+    if (v[ROLL_CENTRE_FRONT] != 0.0 || v[ROLL_CENTRE_REAR] != 0.0) { /* loads that depend on the forces: once more */
+        share_loads(v, s, a_x, axle, &now);
+        push(v, s, at, a_x, &now, last);
     }
     now.roll_moment += v[CG_HEIGHT] * now.force_y;
     return now;

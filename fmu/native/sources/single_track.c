@@ -8,9 +8,10 @@ typedef struct {
 } Motion;
 
 /* Both tyres of an axle. */
-static Wheel axle(double u, double w, double slip, double load, double demand, const double v[]) {
-    Wheel left = wheel(u, w, slip, 0.5 * load, 0.5 * demand, LEFT, v);
-    Wheel right = has_sides(v) ? wheel(u, w, slip, 0.5 * load, 0.5 * demand, RIGHT, v) : left;
+static Wheel axle(double u, double w, double slip, double load, double demand, double scale,
+                  const double v[]) {
+    Wheel left = wheel(u, w, slip, 0.5 * load, 0.5 * demand, LEFT, scale, v);
+    Wheel right = has_sides(v) ? wheel(u, w, slip, 0.5 * load, 0.5 * demand, RIGHT, scale, v) : left;
     left.force_x += right.force_x;
     left.force_y += right.force_y;
     return left;
@@ -26,8 +27,8 @@ static Motion motion(const double v[], const double s[], double steer_angle) {
     double front_y = v_y + v[L_F] * r, rear_y = v_y - v[L_R] * r;
     double demand = m * a_x / weight; /* per load: both axles use the same part of their grip */
     result.front = axle(v_x * c + front_y * d, front_y * c - v_x * d, s[FRONT_SLIP - FIRST_STATE],
-                        load_f, demand * load_f, v);
-    result.rear = axle(v_x, rear_y, s[REAR_SLIP - FIRST_STATE], load_r, demand * load_r, v);
+                        load_f, demand * load_f, v[TYRE_SCALE_FRONT], v);
+    result.rear = axle(v_x, rear_y, s[REAR_SLIP - FIRST_STATE], load_r, demand * load_r, v[TYRE_SCALE_REAR], v);
     double body_x = result.front.force_x * c - result.front.force_y * d;
     double body_y = result.front.force_x * d + result.front.force_y * c;
     result.front.force_x = body_x;

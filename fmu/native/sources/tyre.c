@@ -27,7 +27,7 @@ static double cornering_stiffness(double load, const double v[]) {
 }
 
 /* Magic Formula, pure lateral slip. */
-static Lateral lateral(double slip_angle, double load, double side, const double v[]) {
+static Lateral lateral(double slip_angle, double load, double side, double scale, const double v[]) {
     Lateral tyre = {0.0, 0.0, 0.0, 0.0};
     if (load <= 0.0 || v[FRICTION] <= 0.0) return tyre;
     double dfz = load / v[TYRE_NOMINAL_LOAD] - 1.0;
@@ -35,7 +35,7 @@ static Lateral lateral(double slip_angle, double load, double side, const double
     double turn = slip > 0.0 ? side : slip < 0.0 ? -side : 0.0;
     double curvature = (v[TYRE_P_EY1] + v[TYRE_P_EY2] * dfz) * (1.0 - v[TYRE_P_EY3] * turn);
     tyre.peak = peak(v[TYRE_P_DY1], v[TYRE_P_DY2], load, dfz, v);
-    tyre.steepness = cornering_stiffness(load, v) / tyre.peak;
+    tyre.steepness = scale * cornering_stiffness(load, v) / tyre.peak;
     tyre.lift = side * v[FRICTION] * load * (v[TYRE_P_VY1] + v[TYRE_P_VY2] * dfz);
     double x = tyre.steepness / v[TYRE_P_CY1] * slip;
     if (curvature > 1.0) curvature = 1.0;
@@ -43,13 +43,13 @@ static Lateral lateral(double slip_angle, double load, double side, const double
     return tyre;
 }
 
-Wheel wheel(double u, double w, double slip, double load, double demand, double side, const double v[]) {
+Wheel wheel(double u, double w, double slip, double load, double demand, double side, double scale, const double v[]) {
     Wheel a = {asin(clip(slip, -1.0, 1.0)), 0.0, 0.0, 0.0};
     double speed = sqrt(u * u + w * w), sigma = v[TYRE_RELAXATION_Y];
     load = larger(load, 0.0);
     double peak_x = peak(v[TYRE_P_DX1], v[TYRE_P_DX2], load, load / v[TYRE_NOMINAL_LOAD] - 1.0, v);
     double fading = speed < STANDSTILL_SPEED ? 1.0 - speed / STANDSTILL_SPEED : 0.0;
-    Lateral tyre = lateral(a.slip_angle, load, side, v);
+    Lateral tyre = lateral(a.slip_angle, load, side, scale, v);
     double damping = STANDSTILL_DAMPING * fading * fading * tyre.steepness * tyre.peak / sigma;
     double used = peak_x > 0.0 ? clip(demand / peak_x, -RESERVE, RESERVE) : 0.0;
     double force_y = clip(tyre.force - damping * w, tyre.lift - tyre.peak, tyre.lift + tyre.peak);

@@ -9,8 +9,8 @@ typedef struct {
 } Wheel;
 
 /* A wheel under `load` that moves with u, w along and across itself, asked for the force `demand` along itself;
- * slip is the sine of its slip angle after relaxation. */
-Wheel wheel(double u, double w, double slip, double load, double demand, double side, const double v[]);
+ * slip is the sine of its slip angle after relaxation, scale the factor on its cornering stiffness. */
+Wheel wheel(double u, double w, double slip, double load, double demand, double side, double scale, const double v[]);
 
 /* Slip of a tyre that has rolled like this for long. */
 double settled_slip(double u, double w);

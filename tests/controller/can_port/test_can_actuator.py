@@ -206,21 +206,36 @@ def test_a_sender_that_really_jumped_is_followed_again_when_it_could_have_got_th
     assert RAMP in states
 
 
-def test_a_contradictory_or_overfull_frame_is_not_followed():
+def test_a_contradictory_frame_or_one_that_answers_no_state_of_late_is_not_followed():
     bench = driving()
-    mode, enable, reserved = 0x10, 0x80, 1 << 60
+    mode, enable = 0x10, 0x80
     for change in (mode, enable):
         data = bytearray(bench.frame(angle=0.21))
         data[1] ^= change
         bench.message.profile.protect(data, data[1] & 0xF)
         bench.step(bytes(data))
     assert bench.actuator.implausible == 2
-    data = bytearray((int.from_bytes(bench.frame(angle=0.21), "little") | reserved).to_bytes(8, "little"))
-    bench.message.profile.protect(data, data[1] & 0xF)
-    bench.step(bytes(data))
+    bench.step(bench.frame(angle=0.21, answers=round(bench.time / CYCLE) - 35))
+    assert bench.actuator.implausible == 3
     assert bench.angle == pytest.approx(0.2)
     assert bench.actuator.channel.receiver.counts[CheckStatus.ERROR] == 0
     assert bench.actuator.asked == SteeringCommand(pytest.approx(0.5), pytest.approx(0.2), pytest.approx(15.0))
+
+
+@pytest.mark.parametrize(("behind", "followed"), [(0, True), (6, True), (30, True), (31, False), (-1, False)])
+def test_the_state_that_is_answered_was_sent_lately(behind, followed):
+    bench = driving()
+    bench.step(bench.frame(angle=0.21, answers=round(bench.time / CYCLE) + 1 - behind))
+    assert (bench.angle == pytest.approx(0.21)) is (bench.actuator.implausible == 0) is followed
+
+
+@pytest.mark.parametrize(("ahead", "followed"), [(0, True), (1, True), (11, True), (12, False), (-1, False)])
+def test_answers_go_on_and_not_faster_than_time(ahead, followed):
+    bench = driving()
+    answered = round(bench.time / CYCLE) - 15
+    bench.step(bench.frame(answers=answered))
+    bench.step(bench.frame(answers=answered + ahead))
+    assert (bench.actuator.implausible == 0) is followed
 
 
 def test_enabling_may_jump():

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sidestep.controller.can_port.codec import messages as m
+from sidestep.controller.can_port.codec import samples
 from sidestep.controller.can_port.codec.database import load_dbc, messages
 from sidestep.controller.can_port.protection.e2e import CheckStatus, Profile2, Profile5, Receiver, Unprotected
 from sidestep.controller.can_port.protection.e2e_state import E2EState, E2EStateMachine, StateConfig
@@ -85,9 +86,9 @@ def test_cantools_reads_every_protection_alike(protection, counters):
 @pytest.mark.parametrize("protection", ["P02", "P05", "none"])
 def test_every_protection_carries_every_message(protection):
     catalogue = messages(protection)
-    sample = [catalogue[x.name] for x in m.VEHICLE_STATE]
+    sample = [catalogue[x.name] for x in samples.VEHICLE_STATE]
     state = VehicleState(0.0, 12.0, -3.0, 0.1, 15.0, 0.2, 0.3, 0.0)
-    got = m.decode_vehicle_state(m.encode_vehicle_state(state, 4.0, 0, sample=sample), 0.0, sample=sample)
+    got = samples.decode_vehicle_state(samples.encode_vehicle_state(state, 4.0, 0, sample=sample), 0.0, sample=sample)
     assert got is not None
     assert (got.x, got.y, got.v_x) == pytest.approx((12.0, -3.0, 15.0))
     eps = m.SteerStatus(m.ActuatorState.HOLD, 0.1, 0.2, VALID, 7)
@@ -108,6 +109,8 @@ def test_fd_export_keeps_frame_format_and_data_ids():
 @pytest.mark.parametrize(("protection", "number", "length"), [("P02", 1, 8), ("P05", 2, 12), ("none", 0, 8)])
 def test_the_database_says_which_protection_it_describes(protection, number, length):
     for message in load_dbc(protection).messages:
+        if message.name not in messages():
+            continue
         assert (message.dbc.attributes["E2EProfile"].value, message.length) == (number, length)
         assert message.is_fd == (protection == "P05")
         assert message.dbc.attributes["VFrameFormat"].value == (14 if message.is_fd else 0)

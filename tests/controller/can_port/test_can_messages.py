@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from sidestep.controller.can_port.actuator import ActuatorConfig
 from sidestep.controller.can_port.codec import messages as m
+from sidestep.controller.can_port.codec import samples
 from sidestep.controller.can_port.codec.database import load_dbc, messages
 from sidestep.controller.can_port.protection.e2e import ACCEPTED, CheckStatus, Receiver
 from sidestep.controller.can_port.protection.e2e_state import E2EState, StateConfig
@@ -50,9 +51,12 @@ def test_dbc_is_strictly_consistent_and_complete():
         ("VEH_DYN", 0x201, 8, 10),
         ("VEH_POS", 0x202, 8, 10),
         ("VEH_HEADING", 0x203, 8, 10),
+        ("STATE_EXACT", 0x210, 64, 10),
         ("CTRL_STATUS", 0x301, 8, 100),
     ]
     for message in database.messages:
+        if message.name == "STATE_EXACT":
+            continue
         assert message.send_type == "Cyclic"
         assert message.comment
         assert message.senders
@@ -159,7 +163,8 @@ def test_reserved_bits_are_those_that_nothing_uses(protection):
         assert not int.from_bytes(full, "little") & message.reserved
         bits = sum(s.length for s in load_dbc(protection).get_message_by_name(name).signals)
         assert message.reserved.bit_count() == 8 * message.length - bits
-    assert messages()["STEER_CMD"].reserved == 0x3F << 58
+    assert messages()["STEER_CMD"].reserved == 0
+    assert messages()["VEH_POS"].reserved == 7 << 13
 
 
 # --- protection
@@ -171,11 +176,11 @@ def test_crc_is_the_catalogued_one():
 
 def test_frame_computed_by_hand():
     data = m.encode_steer_command(SteeringCommand(0.0, 0.1, 15.0, Status.DEGRADED), counter=5, rate_limit=0.5)
-    # counter 5, mode 2, enable 1 | 2000 steps | 100 steps, 1500 steps << 10, status 1 << 24
-    payload = bytes([0x05 | 2 << 4 | 1 << 7, 0xD0, 0x07, 0x64, 0x70, 0x17, 0x01])
+    # counter 5, mode 2, enable 1 | 2000 steps | 100 steps, 1500 steps << 10, status 1 << 24, answers what is not known
+    payload = bytes([0x05 | 2 << 4 | 1 << 7, 0xD0, 0x07, 0x64, 0x70, 0x17, 0x01 | 63 << 2])
     data_id = bytes.fromhex("084b8ed1195c9fe22a6db0f33b7ec109")[5]
     assert data == bytes([crc8_h2f(payload + bytes([data_id]))]) + payload
-    assert data.hex() == "efa5d00764701701"
+    assert data[1:].hex() == "a5d007647017fd"
 
 
 @by_name
@@ -268,6 +273,7 @@ def test_implausible_intact_frames_are_not_enabled():
         "SteerCmd_RateLimit": 1.0,
         "SteerCmd_TargetSpeed": 15.0,
         "SteerCmd_Status": 0,
+        "SteerCmd_Answers": 0.2,
     }
     dbc = load_dbc().get_message_by_name("STEER_CMD")
 
@@ -312,34 +318,54 @@ def test_implausible_intact_frames_are_not_enabled():
     st.floats(-3.1, 3.1),
 )
 def test_vehicle_state_round_trip(state, yaw_error):
-    frames = m.encode_vehicle_state(state, 4.2, 9)
-    got = m.decode_vehicle_state(frames, time=0.5, steer_angle=0.25, near_yaw=state.yaw + yaw_error)
+    frames = samples.encode_vehicle_state(state, 4.2, 9)
+    got = samples.decode_vehicle_state(frames, time=0.5, steer_angle=0.25, near_yaw=state.yaw + yaw_error)
     assert got is not None
     for name, half_step in {"x": 5e-4, "y": 5e-4, "yaw": 2e-5, "v_x": 2.5e-3, "v_y": 5e-4, "yaw_rate": 5e-5}.items():
         assert getattr(got, name) == pytest.approx(getattr(state, name), abs=half_step * (1 + 1e-6)), name
     assert (got.time, got.steer_angle) == (0.5, 0.25)
-    assert m.VEH_DYN.decode(frames[0])["VehDyn_AccLat"] == pytest.approx(4.2)
-    assert m.decode_vehicle_state(frames, 0.5).steer_angle == 0.0
+    assert samples.VEH_DYN.decode(frames[0])["VehDyn_AccLat"] == pytest.approx(4.2)
+    assert samples.decode_vehicle_state(frames, 0.5).steer_angle == 0.0
+
+
+@given(st.lists(st.floats(allow_nan=False), min_size=8, max_size=8))
+def test_the_exact_state_is_exact_and_cantools_reads_it(numbers):
+    state = VehicleState(*numbers)
+    frame = samples.exact_frame(state)
+    assert samples.exact_state(frame.data) == state
+    assert (frame.arbitration_id, frame.is_fd, frame.channel) == (samples.EXACT_ID, True, samples.LOG_CHANNEL)
+    assert list(load_dbc().get_message_by_name("STATE_EXACT").decode(bytes(frame.data)).values()) == numbers
+
+
+@given(st.integers(0, 10**6))
+def test_a_command_names_the_sample_it_answers(number):
+    frames = samples.encode_vehicle_state(VehicleState(time=0.01 * number), 0.0, 0)
+    told = round(samples.VEH_HEADING.decode(frames[2])["VehHeading_Sample"] / 0.01)
+    assert told == number % samples.SAMPLES
+    command = SteeringCommand(0.0, 0.1, 15.0)
+    frame = m.decode_steer_command(m.encode_steer_command(command, 0, answers=told), 0.0)
+    assert frame.answers == number % samples.SAMPLES % m.ANSWERS
+    assert m.decode_steer_command(m.encode_steer_command(command, 0), 0.0).answers is None
 
 
 @pytest.mark.parametrize("field", ["x", "y", "yaw", "v_x", "v_y", "yaw_rate"])
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_vehicle_state_that_is_not_finite_is_not_valid(field, bad):
-    frames = m.encode_vehicle_state(replace(VehicleState(v_x=15.0), **{field: bad}), 0.0, 0)
-    assert m.decode_vehicle_state(frames, 0.0) is None
+    frames = samples.encode_vehicle_state(replace(VehicleState(v_x=15.0), **{field: bad}), 0.0, 0)
+    assert samples.decode_vehicle_state(frames, 0.0) is None
 
 
 def test_heading_is_taken_as_it_comes_unless_another_is_near():
     for yaw in (3.0, -3.0):
-        frames = m.encode_vehicle_state(VehicleState(yaw=yaw, v_x=15.0), 0.0, 0)
-        assert m.decode_vehicle_state(frames, 0.0).yaw == pytest.approx(yaw)
+        frames = samples.encode_vehicle_state(VehicleState(yaw=yaw, v_x=15.0), 0.0, 0)
+        assert samples.decode_vehicle_state(frames, 0.0).yaw == pytest.approx(yaw)
 
 
 def test_a_sample_is_three_messages():
     with pytest.raises(ValueError, match="zip"):
-        m.encode_vehicle_state(VehicleState(), 0.0, 0, sample=m.VEHICLE_STATE[:2])
+        samples.encode_vehicle_state(VehicleState(), 0.0, 0, sample=samples.VEHICLE_STATE[:2])
     with pytest.raises(ValueError, match="zip"):
-        m.decode_vehicle_state([bytes(8)] * 2, 0.0)
+        samples.decode_vehicle_state([bytes(8)] * 2, 0.0)
 
 
 def test_only_more_than_8_bytes_need_can_fd():

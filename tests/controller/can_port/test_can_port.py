@@ -9,9 +9,9 @@ import pytest
 from frames import assert_same_but_quantised, slalom
 
 from sidestep.controller.can_port.bus.bus import Bus
-from sidestep.controller.can_port.codec.database import load_dbc
+from sidestep.controller.can_port.codec.database import CYCLE, load_dbc, messages
 from sidestep.controller.can_port.codec.messages import STEER_CMD, decode_steer_command, encode_steer_command
-from sidestep.controller.can_port.port import CYCLE, SteeringPort
+from sidestep.controller.can_port.port import SteeringPort
 from sidestep.controller.can_port.protection.e2e import CheckStatus
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import Status, SteeringCommand
@@ -179,7 +179,7 @@ def test_closing_twice_does_no_harm(tmp_path):
 @pytest.mark.parametrize("protection", ["P05", "none"])
 def test_other_protections(protection, tmp_path):
     commands = slalom(300)
-    with SteeringPort("auto", tmp_path / "can.blf", protection=protection) as port:
+    with SteeringPort("auto", tmp_path / "can.blf", message=messages(protection)["STEER_CMD"]) as port:
         for command in commands:
             assert_same_but_quantised(port.transmit(command), command)
         assert (port.sent, port.lost) == (300, 0)

@@ -16,6 +16,7 @@ from sidestep.controller.decision.corridor import (
     obstacle_polygons,
     path_reference,
 )
+from sidestep.controller.records import GRID, NODES, WORK, filled
 from sidestep.plant_models.road.reference_path import Arc, ReferencePath
 
 
@@ -115,11 +116,11 @@ def test_reference_is_interpolated_with_its_mean_slope():
 
 
 def test_excess_is_the_worst_of_both_ends_and_the_first_that_counts():
-    times = np.array([0.0, 0.05, 0.2, 0.4])
-    states = np.zeros((4, 6))
-    states[:, 0], states[:, 1] = [0.0, 3.0, 0.505, 0.4], [0.0, 0.0, 0.0, 0.1]
-    bounds = np.tile(np.array([[-0.5], [0.5], [-0.5], [0.5]]), 3)
-    worst, first = excess_over(bounds, states, times, (2.0, -2.0))
+    grid = filled(GRID, {"nodes": 3, "times": [0.05, 0.2, 0.4], "levers": (2.0, -2.0)})[0]
+    work = filled(WORK, {"heeded": np.tile([[-0.5], [0.5], [-0.5], [0.5]], NODES)})
+    assert excess_over(work[0], grid) == (0.0, math.inf)
+    states = work["states"][0]
+    states[1:4, 0], states[1:4, 1] = [3.0, 0.505, 0.4], [0.0, 0.0, 0.1]
+    worst, first = excess_over(work[0], grid)
     assert worst == pytest.approx(0.1)  # the front end of the last; the first node is too early to count
     assert first == 0.4
-    assert excess_over(bounds, np.zeros((4, 6)), times, (2.0, -2.0)) == (0.0, math.inf)

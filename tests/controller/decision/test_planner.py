@@ -39,9 +39,7 @@ def search(boxes, speed=15.0, offset=0.0, committed=None, station=0.0, settings=
     polygons = obstacle_polygons(boxes, np.zeros(len(boxes)))
     committed = np.zeros(len(boxes), dtype=np.int64) if committed is None else np.array(committed)
     certain = np.full(len(boxes), math.inf)
-    return PlannedPath(
-        *plan_path(station, offset, speed, speed, polygons, boxes[:, 5].copy(), committed, certain, settings)
-    )
+    return plan_path(station, offset, speed, speed, polygons, boxes[:, 5].copy(), committed, certain, settings)
 
 
 def brute_force(cost, first_weight, weight, reach, start, start_reach):

@@ -6,10 +6,11 @@ import pytest
 
 from sidestep.controller import ControllerConfig
 from sidestep.controller.decision.stopping import CREEP_SPEED, approach_speed, spare_braking, squeezed_speed
+from sidestep.controller.settings import settings_of
 from sidestep.plant_models.speed_control import SPEED_GAIN
-from sidestep.plant_models.vehicle.parameters import GRAVITY
+from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 
-CONFIG = ControllerConfig()
+CONFIG = settings_of(VehicleParameters.preset("bmw-320i"), ControllerConfig())[0]
 
 
 @pytest.mark.parametrize("distance", [0.5, 5.0, 40.0])
@@ -40,7 +41,7 @@ def test_braking_and_swerving_share_the_grip():
 @pytest.mark.parametrize("room", [40.0, 8.0])
 def test_a_quarter_of_the_buffer_is_braked_for(room):
     assert squeezed_speed(0.04, room, False, CONFIG) == math.inf
-    assert squeezed_speed(0.06, room, False, CONFIG) == approach_speed(room, 0.0, CONFIG.comfort_braking)
+    assert squeezed_speed(0.06, room, False, CONFIG) == approach_speed(room, 0.0, CONFIG["comfort_braking"])
 
 
 def test_creeping_on_only_where_the_road_is_free():

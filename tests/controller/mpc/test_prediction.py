@@ -5,23 +5,23 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from sidestep.controller import ControllerConfig
 from sidestep.controller.mpc.car_model import Car, axle_force, slip_angles, tangent
+from sidestep.controller.mpc.discretise import exponential, square
+from sidestep.controller.mpc.grid import COARSEST_STEP, HORIZON, grid
 from sidestep.controller.mpc.prediction import (
-    COARSEST_STEP,
     FRONT,
-    HORIZON,
     RATE,
     REAR,
     SLOWEST,
     TURN,
     advance,
-    double,
-    exponential,
-    grid,
     linearise,
     model_block,
     steady_gain,
 )
+from sidestep.controller.records import WORK, record
+from sidestep.controller.settings import settings_of
 from sidestep.plant_models.linear.bicycle import continuous
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
@@ -30,10 +30,18 @@ LINEAR, AFFINE = Car.of(BMW, False, 1.0), Car.of(BMW, True, 1.0)
 
 
 def block(speed, car=LINEAR):
-    return model_block(speed, car.stiffness_f, car.stiffness_r, car)
+    generator = np.empty((6, 10))
+    model_block(speed, car.stiffness_f, car.stiffness_r, car, generator)
+    return generator
 
 
-def square(a):
+def discrete(generator, dt):
+    e = np.empty((6, 10))
+    exponential(generator, dt, e, np.empty((4, 6, 10)))
+    return e
+
+
+def whole(a):
     full = np.zeros((10, 10))
     full[:6] = a
     return full
@@ -53,19 +61,21 @@ def test_lag_of_the_tyres_is_nearly_that_of_slip_angles_as_states(speed):
     true[6:8] = speed / AFFINE.relaxation * slips
     true[[6, 7], [6, 7]] -= speed / AFFINE.relaxation
     ramp = expm(0.3 * true)[:4, 8]
-    late, early = (expm(0.3 * square(a))[:4, RATE] for a in (block(speed, AFFINE), at_once))
+    late, early = (expm(0.3 * whole(a))[:4, RATE] for a in (block(speed, AFFINE), at_once))
     assert np.abs((late - ramp) / ramp).max() < 0.4 * np.abs((early - ramp) / ramp).max()
 
 
 @pytest.mark.parametrize("speed", [0.0, 2.0, 15.0, 35.0])
 @pytest.mark.parametrize("dt", [0.01, 0.02, 0.16])
 def test_exponential_is_that_of_scipy(speed, dt):
-    expected = expm(square(block(speed)) * dt)[:6]
-    assert exponential(block(speed), dt) == pytest.approx(expected, abs=1e-9)
+    expected = expm(whole(block(speed)) * dt)[:6]
+    assert discrete(block(speed), dt) == pytest.approx(expected, abs=1e-9)
 
 
 def test_doubling_is_the_exponential_of_twice_the_step():
-    assert double(exponential(block(15.0), 0.04)) == pytest.approx(exponential(block(15.0), 0.08), abs=1e-12)
+    e = discrete(block(15.0), 0.04)
+    square(e, np.empty((6, 10)))
+    assert e == pytest.approx(discrete(block(15.0), 0.08), abs=1e-12)
 
 
 def test_model_is_equation_5():
@@ -93,29 +103,44 @@ def test_tangents_touch_the_magic_formula():
         assert force + slope * (slip + 1e-3) == pytest.approx(beside, abs=5.0)
 
 
-def lines_of(times, *arguments):
-    lines = np.empty((len(times), 5))
-    linearise(times, *arguments, lines)
-    return lines
+def lines_of(tyre_model, states, disturbance=(0.0, 0.0), age=0.0):
+    """Axle forces of each group about states at the nodes, shape (N + 1, 6), or one that lasts."""
+    settings, work = settings_of(BMW, ControllerConfig(tyre_model=tyre_model)), record(WORK)
+    grid, w = settings["grid"][0], work[0]
+    w["before"][: grid["nodes"] + 1], w["group_speed"][:] = states, 15.0
+    w["disturbance"][:], w["age"] = disturbance, age
+    linearise(w, settings[0])
+    return w["forces"][: grid["groups"]].copy(), grid["force_times"][: grid["groups"]]
 
 
 def test_linear_car_has_the_same_line_everywhere():
-    states = np.array([[0.0, 0.0, 0.05, 0.3, 0.1, 0.1]])
-    lines = lines_of(np.array([0.0, 1.0]), np.zeros(1), states, np.zeros((1, 2)), 15.0, (0.0, 0.0), LINEAR)
-    assert lines == pytest.approx(np.tile([LINEAR.stiffness_f, 0.0, LINEAR.stiffness_r, 0.0, 0.0], (2, 1)))
+    lines, times = lines_of("linear", [0.0, 0.0, 0.05, 0.3, 0.1, 0.1])
+    assert lines == pytest.approx(np.tile([LINEAR.stiffness_f, 0.0, LINEAR.stiffness_r, 0.0, 0.0], (len(times), 1)))
 
 
 def test_disturbance_is_added_to_the_lines():
-    lines = lines_of(np.zeros(1), np.zeros(1), np.zeros((1, 6)), np.zeros((1, 2)), 15.0, (100.0, -50.0), AFFINE)
+    lines, _ = lines_of("affine", np.zeros(6), (100.0, -50.0))
     assert lines[0, [1, 3]] == pytest.approx([100.0, -50.0])
 
 
 def test_lines_follow_the_prediction_in_time():
-    states = np.zeros((3, 6))
-    states[:, 4] = [0.0, 0.05, 0.1]  # steering more and more: the front tyre softens
-    lines = lines_of(np.array([0.0, 1.0, 2.0, 9.0]), np.arange(3.0), states, np.zeros((3, 2)), 15.0, (0.0, 0.0), AFFINE)
-    assert np.all(np.diff(lines[:3, 0]) < 0.0)
-    assert lines[3] == pytest.approx(lines[2])
+    nodes = settings_of(BMW, ControllerConfig())["grid"][0]
+    times = np.concatenate([[0.0], nodes["times"][: nodes["nodes"]]])
+    states = np.zeros((len(times), 6))
+    states[:, 4] = 0.04 * times  # steering more and more: the front tyre softens
+    lines, at = lines_of("affine", states)
+    assert np.all(np.diff(lines[:, 0]) < 0.0)
+    expected = [tangent(0.04 * t, 0.0, AFFINE.stiffness_f, AFFINE.load_f, AFFINE)[0] for t in at]
+    assert lines[:, 0] == pytest.approx(expected)
+    late, _ = lines_of("affine", states, age=9.0)  # beyond its end the prediction lasts
+    assert late[:, 0] == pytest.approx(np.full(len(at), late[0, 0]))
+
+
+def advanced(start, roll, motion, disturbance, commands, period, car):
+    x, rolled = start.copy(), np.array(roll)
+    for command in commands:
+        advance(x, rolled, motion, disturbance, command, period, car, np.empty((6, 6)))
+    return x, rolled
 
 
 @pytest.mark.parametrize("car", [LINEAR, AFFINE], ids=["linear", "affine"])
@@ -123,7 +148,7 @@ def test_lines_follow_the_prediction_in_time():
 def test_advance_is_the_nonlinear_model(car, lag):
     car = car._replace(lag=lag)
     start, commands, v = np.array([0.3, 0.02, 0.01, 0.1, 0.03, 0.03]), np.array([0.034, 0.025]), 15.0
-    there, _ = advance(start, (0.0, 0.0), v, 0.15, (80.0, -30.0), commands, 0.02, car)
+    there, _ = advanced(start, np.zeros(2), (v, 0.15), (80.0, -30.0), commands, 0.02, car)
     x = start[:5].copy()
     for command in commands:
         if lag == 0.0:
@@ -145,15 +170,8 @@ def test_advance_is_the_nonlinear_model(car, lag):
 
 
 def test_actuator_rate_is_limited_on_the_way():
-    there, _ = advance(np.zeros(6), (0.0, 0.0), 15.0, 0.0, (0.0, 0.0), np.array([1.0]), 0.02, LINEAR)
+    there, _ = advanced(np.zeros(6), np.zeros(2), (15.0, 0.0), (0.0, 0.0), [1.0], 0.02, LINEAR)
     assert there[4] == pytest.approx(0.02 * BMW.steer_rate_limit)
-
-
-def test_nothing_on_its_way_changes_nothing():
-    start = np.arange(6.0)
-    there, roll = advance(start, (0.1, 0.2), 15.0, 0.0, (0.0, 0.0), np.zeros(0), 0.02, LINEAR)
-    assert np.array_equal(there, start)
-    assert roll == (0.1, 0.2)
 
 
 @pytest.mark.parametrize("speed", [5.0, 15.0, 30.0])

@@ -11,6 +11,8 @@ from sidestep.controller import ControllerConfig, SteeringController
 from sidestep.controller.mpc.car_model import Car, axle_force
 from sidestep.controller.mpc.prediction import advance, linearise
 from sidestep.controller.mpc.roll import Body, advance_roll, felt, roll_ahead
+from sidestep.controller.records import WORK, record
+from sidestep.controller.settings import settings_of
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.mujoco.plant import MujocoPlant
 from sidestep.plant_models.road.reference_path import Line, ReferencePath
@@ -19,6 +21,8 @@ from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 
 BMW = VehicleParameters.preset("bmw-320i")
 BODY = Body.of(BMW)
+assert BMW.suspension
+RAISED = BMW.with_(suspension=replace(BMW.suspension, roll_centre_front=0.1, roll_centre_rear=0.2))
 CAR = Car.of(BMW, True, 1.0, BODY)
 PERIOD = 0.02
 
@@ -48,38 +52,63 @@ def test_oscillator_is_that_of_the_equation():
     assert errors[1] < 0.6 * errors[0]
 
 
-def test_mujoco_car_rolls_as_told():
-    """A sine of steering: roll angle of the multibody car against the oscillator driven by its lateral acceleration."""
-    plant, roll, pairs, t = MujocoPlant(BMW), (0.0, 0.0), [], 0.0
+def test_a_raised_roll_axis_leaves_less_to_roll_and_the_same_to_carry():
+    high, angle = Body.of(RAISED), 0.0
+    assert RAISED.suspension
+    carried = [BMW.axle_load(axle) / GRAVITY - RAISED.suspension.unsprung_mass_front for axle in ("front", "rear")]
+    axis = (0.1 * carried[0] + 0.2 * carried[1]) / BMW.mass
+    assert high.height == pytest.approx(BMW.cg_height - axis)
+    angle, rate = advance_roll(0.0, 0.0, 5.0, 10.0, high)
+    _, front, rear = felt(angle, rate, high)
+    moment = front * RAISED.suspension.track_front + rear * RAISED.suspension.track_rear
+    assert moment == pytest.approx(BMW.mass * (BMW.cg_height * 5.0 + high.height * GRAVITY * angle), rel=1e-6)
+    assert angle < 0.8 * advance_roll(0.0, 0.0, 5.0, 10.0, BODY)[0]
+
+
+@pytest.mark.parametrize("car", [BMW, RAISED], ids=["axis on the ground", "raised axis"])
+def test_mujoco_car_rolls_and_moves_load_as_told(car):
+    """A sine of steering: roll and load transfer of the multibody car against the oscillator, driven by its a_y."""
+    body = Body.of(car)
+    plant, roll, pairs, loads, t = MujocoPlant(car), (0.0, 0.0), [], [], 0.0
     state = plant.reset(VehicleState(v_x=15.0))
     for _ in range(150):
         command = SteeringCommand(t, 0.04 * math.sin(4.0 * t), 15.0)
         new = plant.step(command, PERIOD)
         lateral = (new.v_y - state.v_y) / PERIOD + 15.0 * 0.5 * (new.yaw_rate + state.yaw_rate)
-        roll = advance_roll(*roll, lateral, PERIOD, BODY)
+        roll = advance_roll(*roll, lateral, PERIOD, body)
         state, t = new, t + PERIOD
+        load = plant.signals()
+        loads.append(
+            (*felt(*roll, body)[1:], *(0.5 * (load[f"load_{a}r"] - load[f"load_{a}l"]) for a in ("f", "r")))
+        )  # fmt: skip
         w, x, y, z = plant.data.qpos[3:7]
         pairs.append((roll[0], math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))))
     told, real = np.array(pairs).T
     assert np.abs(real).max() > 0.03
     assert np.abs(told - real).max() < 0.1 * np.abs(real).max()
+    told_f, told_r, real_f, real_r = np.array(loads).T
+    for told, real in ((told_f, real_f), (told_r, real_r)):
+        assert np.abs(told - real).max() < 0.15 * np.abs(real).max()
 
 
 def test_roll_along_a_steady_turn_grows_to_the_steady_angle():
-    times, states = np.linspace(0.0, 3.0, 61), np.zeros((61, 6))
+    grid, states, roll = settings_of(BMW, ControllerConfig())["grid"][0], np.zeros((61, 6)), np.empty((61, 2))
     states[:, 3] = 0.3  # 4.5 m/s^2 at 15 m/s
-    roll = roll_ahead(0.0, 0.0, times, states, 15.0, BODY)
+    roll_ahead(np.zeros(2), grid, states, 15.0, BODY, roll)
+    roll = roll[: grid["nodes"] + 1]
     assert roll[0] == pytest.approx([0.0, 0.0])
     assert roll[-1] == pytest.approx([BODY.gain * 4.5 / BODY.stiffness, 0.0], abs=1e-4)
 
 
 def test_rolling_rate_turns_the_slip_angles_and_moved_load_costs_force():
-    lines, flat = np.empty((1, 5)), np.empty((1, 5))
-    states = np.zeros((1, 6))
-    states[0, 4] = 0.05
-    planar = CAR._replace(body=Body())
-    for car, into, roll in ((CAR, lines, (0.05, 0.4)), (planar, flat, (0.05, 0.4))):
-        linearise(np.zeros(1), np.zeros(1), states, np.array([roll]), 15.0, (0.0, 0.0), car, into)
+    both = []
+    for body_roll in (True, False):
+        settings, work = settings_of(BMW, ControllerConfig(body_roll=body_roll)), record(WORK)
+        w = work[0]
+        w["before"][:, 4], w["before_roll"][:], w["group_speed"][:] = 0.05, (0.05, 0.4), 15.0
+        linearise(w, settings[0])
+        both.append(w["forces"])
+    lines, flat = both
     aside = BMW.cg_height * 0.4 / 15.0
     assert lines[0, 4] == pytest.approx(aside)
     assert flat[0, 4] == 0.0
@@ -91,16 +120,15 @@ def test_rolling_rate_turns_the_slip_angles_and_moved_load_costs_force():
 
 
 def test_advance_rolls_with_the_car():
-    start, commands = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), np.full(10, 0.05)
-    whole, rolled = advance(start, (0.0, 0.0), 15.0, 0.0, (0.0, 0.0), commands, PERIOD, CAR)
-    x, roll = start, (0.0, 0.0)
-    for command in commands:
-        x, roll = advance(x, roll, 15.0, 0.0, (0.0, 0.0), np.array([command]), PERIOD, CAR)
-    assert x == pytest.approx(whole, abs=1e-12)
-    assert roll == pytest.approx(rolled, abs=1e-12)
+    def driven(car):
+        x, roll = np.zeros(6), np.zeros(2)
+        for _ in range(10):
+            advance(x, roll, (15.0, 0.0), (0.0, 0.0), 0.05, PERIOD, car, np.empty((6, 6)))
+        return x, roll
+
+    (whole, rolled), (planar, still) = driven(CAR), driven(CAR._replace(body=Body()))
     assert 0.01 < rolled[0] < 0.1
-    planar, still = advance(start, (0.0, 0.0), 15.0, 0.0, (0.0, 0.0), commands, PERIOD, CAR._replace(body=Body()))
-    assert still == (0.0, 0.0)
+    assert np.array_equal(still, np.zeros(2))
     assert planar[2] + planar[1] > whole[2] + whole[1]  # without roll the car is sooner on its way
 
 

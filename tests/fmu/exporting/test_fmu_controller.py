@@ -8,7 +8,7 @@ from dataclasses import astuple, replace
 from pathlib import Path
 
 import pytest
-from fmu_files import patched
+from fmu_files import patched, reported_here
 
 from sidestep.controller import SteeringController
 from sidestep.fmu.exporting.controller_variables import STATE
@@ -78,7 +78,7 @@ def driven():
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_nothing_is_found_in_it(fmi, monkeypatch):
-    monkeypatch.setattr(findings, "call_isolated", lambda function, limit: function())
+    monkeypatch.setattr(findings, "reported", reported_here)
     assert check_fmu(export(fmi)) == []
 
 

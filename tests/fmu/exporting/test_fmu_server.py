@@ -19,7 +19,7 @@ from sidestep.fmu.exporting.controller_variables import NAMES, OUTPUTS, controll
 from sidestep.fmu.exporting.export import export_controller
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.linear.plant import LinearPlant
-from sidestep.validation.judge.geometry import boxes, signed_clearance
+from sidestep.validation.geometry import boxes, signed_clearance
 from sidestep.validation.scenarios.scenario import load_scenario
 
 SCENE = load_scenario("double-obstacle")

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from fmu_files import FOREIGN_MAP, changed, description, patched, unpacked
+from fmu_files import FOREIGN_MAP, changed, description, patched, reported_here, unpacked
 
 from sidestep.fmu.importing import findings
 from sidestep.fmu.importing.archive import unpack
@@ -18,7 +18,7 @@ from sidestep.plant_models.errors import InputError
 @pytest.fixture
 def in_this_process(monkeypatch):
     """The step that a check makes, made here, and no fmutool: both are processes of their own otherwise."""
-    monkeypatch.setattr(findings, "call_isolated", lambda function, limit: function())
+    monkeypatch.setattr(findings, "reported", reported_here)
     monkeypatch.setattr(findings, "_fmutool", lambda path: [])
 
 
@@ -92,14 +92,14 @@ def test_proposal_without_steering_says_so(tmp_path):
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_nothing_is_found_in_ours(model, fmi, monkeypatch):
-    monkeypatch.setattr(findings, "call_isolated", lambda function, limit: function())
+    monkeypatch.setattr(findings, "reported", reported_here)
     assert check_fmu(build_fmu(model, fmi)) == []
 
 
 def test_the_check_runs_the_fmu_in_another_process(tmp_path):
     start = "void model_initialise(double v[]) {"
     dying = patched(tmp_path, 3, start, f"void abort(void);\n{start}\n    abort();")
-    assert ("sidestep", "the plant's process ended in the call: SIGABRT") in check_fmu(dying)
+    assert ("sidestep", "the plant's process ended in fmi3ExitInitializationMode: SIGABRT") in check_fmu(dying)
 
 
 def test_what_is_no_fmu_is_the_only_finding(tmp_path):

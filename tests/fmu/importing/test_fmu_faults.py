@@ -3,6 +3,7 @@
 import gc
 import math
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -107,7 +108,15 @@ def broken_fmus(folder, fmi):
         "me.fmu": ({"modelDescription.xml": only_me.encode()}, "model exchange only"),
         "slip.fmu": ({"../evil": b""}, "unsafe path '../evil'"),
         "drive.fmu": ({"C:/evil": b""}, "unsafe path"),
-        "elsewhere.fmu": ({binary(fmi): None, "binaries/win64/a.dll": b""}, "no binary for .* but for: win64"),
+        "elsewhere.fmu": (
+            {
+                binary(fmi): None,
+                "binaries/win64/a.dll": b"",
+                "sources/buildDescription.xml": None,
+                "modelDescription.xml": re.sub("<SourceFiles>.*</SourceFiles>", "", text, flags=re.DOTALL).encode(),
+            },
+            "no binary for .* but for: win64",
+        ),
         "junk.fmu": ({binary(fmi): b"junk"}, "its binary cannot be loaded"),
     }
     for name, (change, problem) in changes.items():

@@ -13,7 +13,7 @@ from fmu_files import START, patched
 
 from sidestep.controller import SteeringController
 from sidestep.fmu.importing import isolation
-from sidestep.fmu.importing.isolation import IsolatedPlant, call_isolated
+from sidestep.fmu.importing.isolation import IsolatedPlant, reported
 from sidestep.fmu.importing.plant import FmuPlant
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.signals import SteeringCommand
@@ -74,15 +74,22 @@ def test_a_crash_in_a_run_ends_its_recording_there(tmp_path, temporary):
     assert list(temporary.iterdir()) == []
 
 
+def _ends(how, say):
+    say("finding", "kept")
+    say("call", "the last call")
+    {"abort": os.abort, "exit": partial(os._exit, 3), "sleep": partial(time.sleep, 600.0), "return": int}[how]()
+
+
 @pytest.mark.parametrize(
-    ("work", "limit", "message"),
-    [(os.abort, 60.0, "ended in the call: SIGABRT"), (partial(os._exit, 3), 60.0, "exit status 3"),
-     (partial(time.sleep, 600.0), 0.2, "hangs: no answer to the call within 0.2 s")],
-    ids=["abort", "exit", "sleep"],
+    ("how", "message"),
+    [("abort", "ended in the last call: SIGABRT"), ("exit", "ended in the last call: exit status 3"),
+     ("sleep", "hangs: no answer to the last call within 4 s"), ("return", "")],
 )  # fmt: skip
-def test_a_call_that_does_not_return(work, limit, message):
-    with pytest.raises(PlantError, match=message):
-        call_isolated(work, limit)
+def test_findings_outlive_the_process_that_made_them(how, message):
+    found = reported(partial(_ends, how), 60.0 if how != "sleep" else 4.0)
+    assert found[0] == "kept"
+    assert message in " ".join(found[1:])
+    assert len(found) == (2 if message else 1)
 
 
 def test_limits_must_be_positive():
@@ -157,7 +164,7 @@ def test_a_plant_that_cannot_be_built_is_told():
 
 def test_the_other_side_of_a_call():
     ours, theirs = Pipe()
-    isolation._call(theirs, lambda: 7)
-    isolation._call(theirs, partial(int, "x"))
-    assert ours.recv() == (7, None)
+    isolation._report(theirs, lambda say: say("finding", "one"))
+    isolation._report(theirs, lambda say: say(int("x"), ""))
+    assert [ours.recv() for _ in range(2)] == [(("finding", "one"), None), (None, None)]
     assert ours.recv()[1].startswith("ValueError: ")

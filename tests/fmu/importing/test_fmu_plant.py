@@ -11,7 +11,7 @@ from fmu_files import CAR, START, changed, description, slalom
 from sidestep.fmu.importing.mapping import OUTPUTS, Mapping
 from sidestep.fmu.importing.plant import FmuPlant
 from sidestep.fmu.native.build import build_fmu
-from sidestep.plant_models.check_plant import check_plant
+from sidestep.plant_models.checks.check_plant import check_plant
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState

@@ -10,10 +10,10 @@ from integration import integrate
 
 from sidestep.fmu.exporting.export import start_plant
 from sidestep.fmu.importing.plant import FmuPlant
-from sidestep.plant_models.check_plant import check_plant
+from sidestep.plant_models.checks.check_plant import check_plant
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.plant_models.tyres.formula import cornering_stiffness, magic_formula
+from sidestep.plant_models.tyres.formula import cornering_stiffness, lateral_force
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.scenarios.scenario import load_scenario
@@ -22,6 +22,8 @@ SUSPENSION = CAR.suspension
 COMMON = [0, 1, 2, 3, 4, 5, 12]  # those of the states that VehicleState holds, in its order
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 LOADS = [f"{wheel}_load" for wheel in WHEELS]
+assert CAR.suspension
+RAISED = CAR.with_(suspension=replace(CAR.suspension, roll_centre_front=0.06, roll_centre_rear=0.15))
 SHIFTED = replace(CAR.tyre, p_hy1=0.002, p_vy1=0.02, p_vy2=0.01, p_ey1=-1.0, p_ey2=0.5, p_ey3=0.1, p_ky4=1.8)
 
 
@@ -44,38 +46,48 @@ def read(plant, *names):
 
 def rates(state, steer_command, target_speed, car, friction):
     """The equations of documentation/index.html."""
+    forces, _ = once(state, steer_command, target_speed, car, friction, {"front": 0.0, "rear": 0.0})
+    return once(state, steer_command, target_speed, car, friction, forces)[1]
+
+
+def once(state, steer_command, target_speed, car, friction, through):
+    """Lateral force of the axles, and the rates, with the forces `through` the roll centres."""
     _, _, yaw, v_x, v_y, r, roll, roll_rate, *slips, delta = state
     springs, weight, tyre = car.suspension, car.mass * GRAVITY, car.tyre
     a_x = min(max(2.0 * (target_speed - v_x), -car.max_braking), car.max_acceleration)
     grip = 0.9 * tyre.p_dx1 * friction * GRAVITY
     a_x = min(max(a_x, -grip), grip)
     front = (weight * car.l_r - car.mass * a_x * car.cg_height) / car.wheelbase
-    force, yaw_moment, roll_moment, slip_rates = np.zeros(2), 0.0, weight * car.cg_height * roll, []
+    force, yaw_moment, roll_moment, slip_rates, axles = np.zeros(2), 0.0, 0.0, [], {"front": 0.0, "rear": 0.0}
     for axle, x, axle_load, angle in (("front", car.l_f, front, delta), ("rear", -car.l_r, weight - front, 0.0)):
-        spring, damper, bar, track = (
-            getattr(springs, f"{n}_{axle}") for n in ("spring", "damper", "anti_roll", "track")
+        spring, damper, bar, track, centre = (
+            getattr(springs, f"{n}_{axle}") for n in ("spring", "damper", "anti_roll", "track", "roll_centre")
         )
         transfer = ((spring * track**2 / 2 + bar) * roll + damper * track**2 / 2 * roll_rate) / track
+        transfer += through[axle] * centre / track
+        lever = car.cg_height - centre
+        roll_moment += axle_load * lever * roll
         transfer = min(max(transfer, -axle_load / 2), axle_load / 2)
         roll_moment -= transfer * track
         turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
         for side in (1, -1):
             y, load = side * track / 2, axle_load / 2 - side * transfer
-            u, w = turn.T @ [v_x - y * r, v_y + car.cg_height * roll_rate + x * r]
+            u, w = turn.T @ [v_x - y * r, v_y + lever * roll_rate + x * r]
             law = (tyre if side > 0 else tyre.mirrored()).as_array()
             z, speed, dfz = slips[len(slip_rates)], math.hypot(u, w), load / tyre.nominal_load - 1
             d_x = max(tyre.p_dx1 + tyre.p_dx2 * dfz, 0.1) * friction * load
             d_y = max(tyre.p_dy1 + tyre.p_dy2 * dfz, 0.1) * friction * load
-            q = (z * cornering_stiffness(load, law) / d_y) ** 2
+            q = (z * car.tyre_scale(axle) * cornering_stiffness(load, law) / d_y) ** 2
             slip_rates.append((1 + q / (1 + q * speed / 60)) * (-w - speed * z) / tyre.relaxation_y)
             part = min(max(a_x / GRAVITY * load / d_x, -0.9), 0.9)
-            lateral = magic_formula(0.0, math.asin(z), load, friction, law)[1] * math.sqrt(1 - part**2)
+            lateral = lateral_force(math.asin(z), load, friction, law, car.tyre_scale(axle)) * math.sqrt(1 - part**2)
             f = turn @ [part * d_x, lateral]
             force += f
+            axles[axle] += f[1]
             yaw_moment += x * f[1] - y * f[0]
     roll_rates = (roll_moment + car.cg_height * force[1]) / springs.roll_inertia
     turn = (min(max(steer_command, -car.steer_limit), car.steer_limit) - delta) / car.steer_time_constant
-    return [
+    return axles, [
         v_x * math.cos(yaw) - v_y * math.sin(yaw), v_x * math.sin(yaw) + v_y * math.cos(yaw), r,
         force[0] / car.mass + v_y * r, force[1] / car.mass - v_x * r,
         yaw_moment / car.yaw_inertia, roll_rate, roll_rates, *slip_rates,
@@ -87,9 +99,10 @@ def rates(state, steer_command, target_speed, car, friction):
     ("car", "friction", "start", "command"),
     [
         (CAR, 1.0, VehicleState(v_x=15.0), lambda t: (0.07 * math.sin(3 * t), 15.0)),
+        (RAISED, 0.9, VehicleState(v_x=15.0), lambda t: (0.07 * math.sin(3 * t), 12.0)),
         (CAR.with_(tyre=SHIFTED), 0.5, VehicleState(v_x=20.0, yaw=1.0), lambda t: (0.15 if t < 0.3 else -0.1, 16.0)),
     ],
-    ids=["slalom", "braking-slide-on-shifted-tyres"],
+    ids=["slalom", "raised-roll-centres", "braking-slide-on-shifted-tyres"],
 )
 def test_fmu_equals_an_independent_integration(car, friction, start, command):
     expected = integrate(lambda *now: rates(*now, car, friction), start, 6, command, 0.6)

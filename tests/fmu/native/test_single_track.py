@@ -15,7 +15,7 @@ from sidestep.fmu.native.plants import MODELS, vehicle_values
 from sidestep.fmu.native.platforms import compile_library
 from sidestep.plant_models.linear.bicycle import continuous
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.plant_models.tyres.formula import cornering_stiffness, magic_formula
+from sidestep.plant_models.tyres.formula import cornering_stiffness, lateral_force, tyre_forces
 from sidestep.plant_models.tyres.parameters import TyreParameters
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 
@@ -47,13 +47,14 @@ def rates(state, steer_command, target_speed, car, friction):
     _, _, yaw, v_x, v_y, r, z_f, z_r, delta = state
     p = car.tyre.as_array()
 
-    def axle(u, w, z, load, asked):
+    def axle(name, u, w, z, load, asked):
         dfz = load / 2 / car.tyre.nominal_load - 1
         d_x = max(car.tyre.p_dx1 + car.tyre.p_dx2 * dfz, 0.1) * friction * load
         d_y = max(car.tyre.p_dy1 + car.tyre.p_dy2 * dfz, 0.1) * friction * load / 2
-        stiffness, speed, sigma = cornering_stiffness(load / 2, p), math.hypot(u, w), car.tyre.relaxation_y
+        scale, speed, sigma = car.tyre_scale(name), math.hypot(u, w), car.tyre.relaxation_y
+        stiffness = scale * cornering_stiffness(load / 2, p)
         q, damping = (z * stiffness / d_y) ** 2, 0.05 * max(1 - speed, 0) ** 2 * stiffness / sigma
-        f_y = magic_formula(0.0, math.asin(z), load / 2, friction, p)[1] - damping * w
+        f_y = lateral_force(math.asin(z), load / 2, friction, p, scale) - damping * w
         part = min(max(asked / d_x, -0.9), 0.9)
         f_y = 2 * min(max(f_y, -d_y), d_y) * math.sqrt(1 - part**2)
         return part * d_x, f_y, (1 + q / (1 + q * speed / 60)) * (-w - speed * z) / sigma
@@ -65,8 +66,8 @@ def rates(state, steer_command, target_speed, car, friction):
     load_r = car.mass * GRAVITY - load_f
     c, s = math.cos(delta), math.sin(delta)
     front, rear = v_y + car.l_f * r, v_y - car.l_r * r
-    x_f, y_f, dz_f = axle(v_x * c + front * s, front * c - v_x * s, z_f, load_f, a_x / GRAVITY * load_f)
-    x_r, y_r, dz_r = axle(v_x, rear, z_r, load_r, a_x / GRAVITY * load_r)
+    x_f, y_f, dz_f = axle("front", v_x * c + front * s, front * c - v_x * s, z_f, load_f, a_x / GRAVITY * load_f)
+    x_r, y_r, dz_r = axle("rear", v_x, rear, z_r, load_r, a_x / GRAVITY * load_r)
     body_x, body_y = x_f * c - y_f * s, x_f * s + y_f * c
     turn = (min(max(steer_command, -car.steer_limit), car.steer_limit) - delta) / car.steer_time_constant
     return [
@@ -94,7 +95,7 @@ def rates(state, steer_command, target_speed, car, friction):
 )
 def test_fmu_equals_an_independent_integration(car, friction, start, command):
     expected = integrate(lambda *now: rates(*now, car, friction), start, 2, command, 1.6)
-    with FmuPlant.native(car, friction=friction, internal_step=0.001) as plant:
+    with FmuPlant.native(car, friction=friction, internal_step=0.0005) as plant:
         found = drive(plant, start, command, 1.6)
     np.testing.assert_allclose(found[:, 1:], expected[:, COMMON], rtol=0, atol=1e-6)
     assert np.abs(expected[:, 4]).max() > 0.05  # the manoeuvre is one
@@ -108,8 +109,9 @@ def core(tmp_path_factory):
         if name.endswith(".h"):
             (folder / name).write_bytes(data)
     law = (
-        '\n__attribute__((visibility("default"))) double law(double a, double f, double side, const double v[])'
-        "{ return lateral(a, f, side, v).force; }\n"
+        '\n__attribute__((visibility("default")))'
+        " double law(double a, double f, double side, double scale, const double v[])"
+        "{ return lateral(a, f, side, scale, v).force; }\n"
     )
     (folder / "core.c").write_bytes(source_files(MODEL)["tyre.c"] + law.encode())
     for name in ("car.c", "single_track.c"):
@@ -141,9 +143,10 @@ def test_tyre_law_is_the_one_of_the_tyre_module(core, tyre):
     for angle, load, friction in itertools.product(angles, loads, frictions):
         values[REFERENCE["friction"]] = friction
         for side, mounted in ((1.0, left), (-1.0, right)):
-            found = core(*map(ctypes.c_double, (angle, load, side)), values)
-            expected = magic_formula(0.0, angle, load, friction, mounted)[1]
-            assert found == pytest.approx(expected, rel=1e-12, abs=1e-12)
+            for scale in (1.0, 1.3):
+                found = core(*map(ctypes.c_double, (angle, load, side, scale)), values)
+                expected = tyre_forces(0.0, angle, 0.0, load, friction, mounted, scale)[1]
+                assert found == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
 @pytest.fixture
@@ -180,12 +183,7 @@ def test_integration_is_of_fourth_order():
 
 @pytest.mark.parametrize("speed", [5.0, 15.0, 25.0])
 def test_small_angle_gain_is_that_of_the_bicycle(plant, speed):
-    p, static = CAR.tyre.as_array(), CAR.mass * GRAVITY / CAR.wheelbase
-    linear = CAR.with_(
-        cornering_stiffness_front=2 * cornering_stiffness(static * CAR.l_r / 2, p),
-        cornering_stiffness_rear=2 * cornering_stiffness(static * CAR.l_f / 2, p),
-    )
-    a, b, _ = continuous(linear, speed)
+    a, b, _ = continuous(CAR, speed)
     expected = -np.linalg.solve(a[2:, 2:], b[2:]) * 1e-3
     end = drive(plant, VehicleState(v_x=speed), lambda t: (1e-3, speed), 5.0)[-1]
     assert end[5] / end[4] == pytest.approx(expected[0], rel=1e-3)

@@ -1,5 +1,6 @@
 """The MuJoCo plant against Newton, the tyre law and the linear model."""
 
+import ctypes
 import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple, replace
@@ -8,10 +9,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from sidestep.plant_models.check_plant import check_plant
+from sidestep.plant_models.checks.check_plant import check_plant
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.mujoco.bodies import WHEELS, corners
+from sidestep.plant_models.mujoco.library import load_own_copy
 from sidestep.plant_models.mujoco.plant import MujocoPlant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.tyres.contact import TYRE_MODES, push
@@ -19,7 +21,7 @@ from sidestep.plant_models.tyres.formula import magic_formula
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters, vehicle_presets
 
 BMW = VehicleParameters.preset("bmw-320i")
-PUBLISHED = BMW.with_(tyre=BMW.tyre.without_load_sensitivity())
+PUBLISHED = BMW.on_tyres(BMW.tyre.without_load_sensitivity())
 
 
 def drive(plant, state, seconds, steer, speed, dt=0.01):
@@ -120,15 +122,38 @@ def test_a_wrench_on_a_wheel_reaches_the_joints_as_by_mujocos_jacobian():
         np.testing.assert_allclose(got, expected, rtol=0.0, atol=1e-9)
 
 
-def test_mujoco_reads_no_clock_and_reckons_the_same():
-    plants = [MujocoPlant(BMW), MujocoPlant(BMW)]
-    states = [plant.reset(VehicleState(v_x=12.0)) for plant in plants]
-    before = plants[0].data.timer[0].duration
-    got = drive(plants[0], states[0], 0.1, 0.05, 12.0)
-    assert plants[0].data.timer[0].duration == before
-    mujoco.set_mjcb_time(None)  # MuJoCo's own clock again
-    assert drive(plants[1], states[1], 0.1, 0.05, 12.0) == got
-    assert plants[1].data.timer[0].duration > before
+def test_the_plant_reads_no_clock_and_leaves_everybody_elses_alone():
+    ticks = []
+
+    def clock():
+        ticks.append(len(ticks))
+        return float(len(ticks))
+
+    mujoco.set_mjcb_time(clock)
+    try:
+        plant = MujocoPlant(BMW)
+        drive(plant, plant.reset(VehicleState(v_x=12.0)), 0.1, 0.05, 12.0)
+        assert mujoco.get_mjcb_time() is clock
+        assert plant.data.timer[0].duration == 0.0
+        before = len(ticks)
+        mujoco.mj_step(plant.model, plant.data)
+        assert len(ticks) > before
+        assert plant.data.timer[0].duration > 0.0
+    finally:
+        mujoco.set_mjcb_time(None)
+
+
+def test_the_plants_library_steps_as_the_packages():
+    own, theirs = MujocoPlant(BMW), MujocoPlant(BMW)
+    for plant in (own, theirs):
+        drive(plant, plant.reset(VehicleState(v_x=12.0)), 0.1, 0.05, 12.0)
+    step = load_own_copy().mj_step
+    step.argtypes, step.restype = [ctypes.c_void_p, ctypes.c_void_p], None
+    for _ in range(50):
+        step(own.model._address, own.data._address)
+        mujoco.mj_step(theirs.model, theirs.data)
+    assert own.data.qpos.tobytes() == theirs.data.qpos.tobytes()
+    assert own.data.qvel.tobytes() == theirs.data.qvel.tobytes()
 
 
 def test_roll_moment_balance():

@@ -55,7 +55,7 @@ def test_a_file_of_heights_reaches_the_plant_from_the_scenario_s_folder(tmp_path
             rolls.append((state.x, plant.signals()["roll"]))
     before, after = ([roll for x, roll in rolls if a < x < b] for a, b in ((1.0, 8.0), (20.0, 25.0)))
     assert np.mean(before) == pytest.approx(0.0, abs=1e-4)
-    with pytest.raises(InputError, match="only with plant mujoco"):
+    with pytest.raises(InputError, match="does not know it; allowed: only with mujoco"):
         open_plant(load_scenario(file, ["plant.kind=linear"]))
     lean = 0.03 / BMW.suspension.track_front  # of the road; the springs give under a body that leans with it
     assert lean < np.mean(after) < 1.25 * lean
@@ -80,5 +80,5 @@ def test_bad_values_are_named_by_their_key(override, where):
 
 @pytest.mark.parametrize("override", ["plant.tyre=contact", "plant.grade=0.1", PATCH])
 def test_other_plants_know_none_of_it(override):
-    with pytest.raises(InputError, match="only with plant mujoco"):
+    with pytest.raises(InputError, match="does not know it; allowed: only with mujoco"):
         open_plant(load_scenario("moose", ["plant.kind=linear", override]))

@@ -18,7 +18,7 @@ from sidestep.plant_models.tyres.formula import magic_formula
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 
 BMW = VehicleParameters.preset("bmw-320i")
-PUBLISHED = BMW.with_(tyre=BMW.tyre.without_load_sensitivity())
+PUBLISHED = BMW.on_tyres(BMW.tyre.without_load_sensitivity())
 FLAT = HeightField(np.full((21, 81), 0.3), 1.0, -20.0, -10.0)
 
 

@@ -21,8 +21,9 @@ FULL = TyreParameters(
     q_bz3=-0.3, q_bz4=-0.2, q_bz5=-0.4, q_bz9=18.0, q_bz10=0.1, q_cz1=1.2, q_dz1=0.09, q_dz2=-0.005, q_dz3=-0.1,
     q_dz4=0.7, q_dz6=0.002, q_dz7=-0.001, q_dz8=-0.2, q_dz9=-0.03, q_ez1=-1.6, q_ez2=-0.4, q_ez3=0.1, q_ez4=-0.2,
     q_ez5=-0.9, q_hz1=0.005, q_hz2=-0.002, q_hz3=0.1, q_hz4=0.1, s_sz1=0.03, s_sz2=0.01, s_sz3=0.5, s_sz4=-0.3,
+    p_hy3=0.02,
 )  # fmt: skip
-PLAIN = FULL.without_shifts()
+PLAIN = replace(FULL.without_shifts(), p_hy3=0.0)
 
 slips = st.floats(-0.5, 0.5)
 leans = st.floats(-0.1, 0.1)
@@ -44,7 +45,7 @@ def book(kappa, alpha, gamma, fz, t):
     fx0 = dx * sin(mf(k_x / t.p_cx1 / dx, t.p_cx1, ex, kx)) + fz * (t.p_vx1 + t.p_vx2 * df)
     k_y = t.p_ky1 * f0 * (1 - t.p_ky3 * abs(g)) * sin(t.p_ky4 * atan(fz / f0 / (t.p_ky2 + t.p_ky5 * g**2)))
     sv_g = fz * (t.p_vy3 + t.p_vy4 * df) * g
-    sh = t.p_hy1 + t.p_hy2 * df + (fz * (t.p_ky6 + t.p_ky7 * df) * g - sv_g) / k_y
+    sh = t.p_hy1 + t.p_hy2 * df + t.p_hy3 * g + (fz * (t.p_ky6 + t.p_ky7 * df) * g - sv_g) / k_y
     sv = fz * (t.p_vy1 + t.p_vy2 * df) + sv_g
     dy = (t.p_dy1 + t.p_dy2 * df) * (1 - t.p_dy3 * g**2) * fz
     ay = alpha + sh

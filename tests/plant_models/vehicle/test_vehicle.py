@@ -1,18 +1,27 @@
 import math
 import tomllib
-from dataclasses import fields
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from sidestep.controller.mpc.car_model import Car, axle_force
+from sidestep.fmu.native.plants import vehicle_values
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.ranges import bounded_fields
 from sidestep.plant_models.tyres.formula import cornering_stiffness
 from sidestep.plant_models.vehicle import parameters as module
-from sidestep.plant_models.vehicle.parameters import GRAVITY, SuspensionParameters, VehicleParameters, vehicle_presets
+from sidestep.plant_models.vehicle.parameters import (
+    AXLES,
+    GRAVITY,
+    SuspensionParameters,
+    VehicleParameters,
+    vehicle_presets,
+)
 
 BMW = VehicleParameters.preset("bmw-320i")
 CARS = [VehicleParameters.preset(name) for name in vehicle_presets()]
-BMW_FILE = Path(module.__file__).parent / "vehicles" / "bmw-320i.toml"
+BMW_FILE = Path(module.__file__).parent / "presets" / "bmw-320i.toml"
 
 every_car = pytest.mark.parametrize("car", CARS, ids=lambda car: car.name)
 
@@ -62,7 +71,11 @@ def test_overrides_replace_single_values():
     heavy = VehicleParameters.preset("bmw-320i", mass=1300.0)
     assert heavy.mass == 1300.0
     assert BMW.with_(mass=1300.0) == heavy
-    assert heavy.with_(mass=BMW.mass) == BMW
+    light = heavy.with_(mass=BMW.mass)
+    assert light.cornering_stiffness_front == pytest.approx(BMW.cornering_stiffness_front)
+    assert light.with_(cornering_stiffness_front=1.0, cornering_stiffness_rear=2.0) == BMW.with_(
+        cornering_stiffness_front=1.0, cornering_stiffness_rear=2.0
+    )  # fmt: skip
 
 
 def test_a_file_is_read_as_a_preset_is(tmp_path):
@@ -80,23 +93,81 @@ def test_tyre_and_suspension_may_be_left_out(tmp_path):
     assert plain.tyre.nominal_load == 4000.0
 
 
+def test_stiffness_comes_from_one_place(tmp_path):
+    text = BMW_FILE.read_text(encoding="utf-8")
+    lines = {line.partition(" ")[0]: line + "\n" for line in text.splitlines()[:20] if line[:4] == "corn"}
+    file = tmp_path / "car.toml"
+
+    def read(text):
+        file.write_text(text, encoding="utf-8")
+        return VehicleParameters.from_file(file)
+
+    bare = text.replace(lines["cornering_stiffness_front"], "").replace(lines["cornering_stiffness_rear"], "")
+    derived = read(bare)
+    assert derived.cornering_stiffness_front == derived.tyre_stiffness("front")
+    assert derived.tyre_scale("rear") == 1.0
+    with pytest.raises(InputError, match=r"vehicle\.cornering_stiffness_rear: missing; allowed: the stiffness of both"):
+        read(text.replace(lines["cornering_stiffness_rear"], ""))
+    with pytest.raises(InputError, match=r"vehicle\.tyre\.p_ky1: says how stiff the tyres are, and so does cornering"):
+        read(text.replace("[tyre]", "[tyre]\np_ky1 = 20.0"))
+    stiffer = read(bare.replace("[tyre]", "[tyre]\np_ky1 = 48.77"))
+    assert stiffer.cornering_stiffness_front == pytest.approx(2.0 * derived.cornering_stiffness_front, rel=1e-3)
+
+
+def test_the_tyres_stay_on_the_car():
+    """More load, or a stiffer tyre: the stiffness of an axle follows, its share against the other's stays."""
+    stiffer = BMW.with_(tyre=replace(BMW.tyre, p_ky1=1.2 * BMW.tyre.p_ky1))
+    assert stiffer.cornering_stiffness_front == pytest.approx(1.2 * BMW.cornering_stiffness_front)
+    assert stiffer.tyre_scale("rear") == pytest.approx(BMW.tyre_scale("rear"))
+    heavy = BMW.with_(mass=1.1 * BMW.mass)
+    assert 1.0 < heavy.cornering_stiffness_rear / BMW.cornering_stiffness_rear < 1.1
+    assert BMW.with_(width=1.7).cornering_stiffness_rear == BMW.cornering_stiffness_rear
+
+
+@every_car
+def test_every_model_has_the_stiffness_of_the_file(car):
+    """Slope at zero slip of the axle that the controller predicts, linear or not, and of what the FMUs are told."""
+    values = vehicle_values(car)
+    for axle in AXLES:
+        stiffness, load = getattr(car, f"cornering_stiffness_{axle}"), car.axle_load(axle)
+        for affine in (True, False):
+            model = Car.of(car, affine, 1.0)
+            assert axle_force(1e-5, stiffness, load, model) == pytest.approx(1e-5 * stiffness, rel=1e-5)
+        tyres = 2.0 * cornering_stiffness(0.5 * load, car.tyre.as_array())
+        assert values[f"tyre.scale_{axle}"] * tyres == pytest.approx(stiffness)
+
+
+def test_published_understeer():
+    """CommonRoad's cars have a stiffness proportional to load: neutral, where one load-sensitive tyre understeers."""
+    for car in CARS:
+        assert 1.0 / car.tyre_scale("front") != pytest.approx(1.0 / car.tyre_scale("rear"), rel=1e-3)
+        share_f = car.axle_load("front") / car.cornering_stiffness_front
+        assert share_f == pytest.approx(car.axle_load("rear") / car.cornering_stiffness_rear, rel=1e-4)
+
+
+def test_a_roll_centre_lies_below_the_centre_of_gravity():
+    assert BMW.suspension
+    with pytest.raises(InputError, match=r"vehicle\.suspension\.roll_centre_rear: not below the centre of gravity"):
+        BMW.with_(suspension=replace(BMW.suspension, roll_centre_rear=0.6))
+
+
 BAD_LINES = [
-    ("mass = 1093.2952", "mass = -1", "vehicle.mass", "> 0"),
-    ("mass = 1093.2952", "mass = inf", "vehicle.mass", "> 0"),
-    ("mass = 1093.2952", 'mass = "heavy"', "vehicle.mass", "a number > 0"),
-    ("mass = 1093.2952", "mass = true", "vehicle.mass", "a number > 0"),
+    ("mass = 1093.2952", "mass = -1", "vehicle.mass", "0.1 to 1e+06 kg"),
+    ("mass = 1093.2952", "mass = inf", "vehicle.mass", "0.1 to 1e+06 kg"),
+    ("mass = 1093.2952", 'mass = "heavy"', "vehicle.mass", "a number, 0.1 to"),
+    ("mass = 1093.2952", "mass = true", "vehicle.mass", "a number, 0.1 to"),
     ("mass = 1093.2952", "wheels = 4", "vehicle.wheels", "mass, yaw_inertia"),
     ("mass = 1093.2952", "", "vehicle", ""),
     ("mass = 1093.2952", "mass = 1.0\nmass = 2.0", "", ""),
     ("length = 4.508", "length = 3.0", "vehicle.length", ">= 3.543"),
-    ("steer_limit = 1.066", "steer_limit = 1.6", "vehicle.steer_limit", "0 < value < pi/2"),
-    ("steer_time_constant = 0.05", "steer_time_constant = 1.0", "vehicle.steer_time_constant", "0 <= value < 1"),
+    ("steer_limit = 1.066", "steer_limit = 1.6", "vehicle.steer_limit", "0.001 to 1.57 rad"),
+    ("steer_time_constant = 0.05", "steer_time_constant = 1.0", "vehicle.steer_time_constant", "0 to 0.99 s"),
     ("[tyre]", "[tyres]", "vehicle.tyres", "tyre, suspension"),
     ("[tyre]\nnominal_load = 2681.3", "tyre = 4", "vehicle.tyre", "nominal_load"),
-    ("nominal_load = 2681.3", "nominal_load = 0", "vehicle.tyre.nominal_load", "> 0"),
+    ("nominal_load = 2681.3", "nominal_load = 0", "vehicle.tyre.nominal_load", "1 to 1e+06 N"),
     ("nominal_load = 2681.3", "p_dy1 = nan", "vehicle.tyre.p_dy1", ""),
     ("nominal_load = 2681.3", "grip = 1", "vehicle.tyre.grip", "nominal_load"),
-    ("track_rear = 1.364", "track_rear = 0", "vehicle.suspension.track_rear", "> 0"),
+    ("track_rear = 1.364", "track_rear = 0", "vehicle.suspension.track_rear", "0.001 to 20 m"),
     ("track_rear = 1.364", "", "vehicle.suspension", ""),
 ]
 
@@ -127,7 +198,7 @@ def test_files_that_cannot_be_read(tmp_path):
             VehicleParameters.from_file(tmp_path / name)
 
 
-@pytest.mark.parametrize("key", [f.name for f in fields(VehicleParameters) if f.type is float or f.type == "float"])
+@pytest.mark.parametrize("key", [f.name for f in bounded_fields(VehicleParameters)])
 def test_every_number_is_checked(key):
     for value in (-1.0, math.nan, "wide"):
         with pytest.raises(InputError) as caught:
@@ -148,7 +219,7 @@ def test_only_lag_and_anti_roll_bars_may_be_missing_from_a_car():
     assert BMW.with_(steer_time_constant=0.0).steer_time_constant == 0.0
     chassis = tomllib.loads(BMW_FILE.read_text(encoding="utf-8"))["suspension"]
     assert SuspensionParameters(**{**chassis, "anti_roll_front": 0.0, "anti_roll_rear": 0.0}).anti_roll_rear == 0.0
-    with pytest.raises(InputError, match=r"vehicle\.suspension\.wheel_radius: 0\.0; allowed: > 0"):
+    with pytest.raises(InputError, match=r"vehicle\.suspension\.wheel_radius: 0\.0; allowed: 0\.01 to 5 m"):
         SuspensionParameters(**{**chassis, "wheel_radius": 0.0})
 
 

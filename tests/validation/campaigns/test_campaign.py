@@ -24,16 +24,17 @@ from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.validation.campaigns import journal
 from sidestep.validation.campaigns.campaign import Campaign, cases, load_campaign, number_of_cases, scenario_of
 from sidestep.validation.campaigns.campaign_figures import influences, telling
-from sidestep.validation.campaigns.campaign_report import junit_cases, summarised, write_campaign_report
+from sidestep.validation.campaigns.campaign_report import junit_cases, sentence, summarised, write_campaign_report
 from sidestep.validation.campaigns.campaign_run import figures, load_rows, run_campaign, run_case
 from sidestep.validation.campaigns.journal import open_journal, read_journal
 from sidestep.validation.cli.main import main
 from sidestep.validation.loop.closed_loop import open_controller
 from sidestep.validation.loop.measurement import FITTED_NOISE, NOISE, ImperfectMeasurement, measured
-from sidestep.validation.loop.plants import ImperfectSteering, true_vehicle
+from sidestep.validation.loop.plants import ImperfectSteering, open_plant, true_vehicle
 from sidestep.validation.model_error.sensitivity import first_order, separation, trend
 from sidestep.validation.report.exports.junit import write_junit
 from sidestep.validation.scenarios.scenario import load_scenario
+from sidestep.validation.studies.limits import upper_bound
 
 ROOT = Path(__file__).parents[3]
 SPEC = """
@@ -120,7 +121,7 @@ def test_a_case_is_the_scenario_with_its_values(tmp_path):
         ('scenario = "moose"\nvary.start.l = {low = 0.0, high = 30.0}', "start.l: .*the road's edge"),
         (
             'scenario = "moose"\nset.plant.kind = "linear"\nvary.plant.friction = {low = 0.5, high = 1.0}',
-            "plant.friction: .*linear tyres do not slide",
+            "plant.friction: .*the plant linear does not know it",
         ),
     ],
 )
@@ -148,7 +149,7 @@ def test_a_killed_campaign_goes_on_to_the_same_rows(tmp_path):
     file = tmp_path / "killed.jsonl"
     script = "import sys, campaign_work; campaign_work.go_on(*sys.argv[1:])"
     for moment in np.random.default_rng(0).uniform(0.0, 0.15, 2):
-        process = subprocess.Popen([sys.executable, "-c", script, str(tmp_path), str(file)], cwd=Path(__file__).parent)
+        process = subprocess.Popen([sys.executable, "-c", script, str(tmp_path), str(file)], cwd=ROOT / "tests")
         before = len(read_journal(file)[1]) if file.exists() else 0
         while process.poll() is None and (not file.exists() or file.read_bytes().count(b"\n") <= before + 1):
             time.sleep(0.002)
@@ -200,6 +201,45 @@ def test_a_journal_belongs_to_one_specification_and_one_process(tmp_path):
         load_rows(tmp_path / "no.jsonl")
 
 
+def forged(key: str, value: object):
+    return lambda rows: [*rows[:-1], {**rows[-1], key: value}]
+
+
+@pytest.mark.parametrize(
+    ("forge", "reason"),
+    [
+        (lambda rows: [*rows, rows[1]], "line 10: row 1: is there twice"),
+        (lambda rows: [*rows[:-1], {**rows[0], "row": 8}], r"row 8: is none of the campaign's 8 \(0 to 7\)"),
+        (forged("row", -1), "row -1: is none of"),
+        (forged("row", "7"), r"line 9: is no row of a campaign \(Expected `int`, got `str` - at `\$.row`"),
+        (forged("row", 6), "line 9: row 6: is there twice"),
+        (forged("seed", 1), r"row 7: has seed 1, not \d+"),
+        (forged("values", {}), "row 7: was run with controller.tyre_model = None, not affine"),
+        (lambda rows: [{**rows[0], "values": rows[0]["values"] | {"speed": 1.0}}], "row 0: was run with speed = 1.0"),
+        (forged("margin_m", -0.1), "row 7: says that it passed, with margin_m -0.1"),
+        (forged("error", "PlantError: fell over"), "row 7: says that it passed, with error 'PlantError: fell over'"),
+        (forged("margin_m", float("nan")), "row 7: has a margin_m of nan"),
+        (forged("verdict", True), "line 9: is no row of a campaign"),
+        (lambda rows: [{"row": 0}], "line 2: is no row of a campaign"),
+    ],
+)
+def test_rows_that_the_campaign_did_not_run_are_refused(tmp_path, forge, reason):
+    """They counted as runs: a journal of four runs and a failure became a pass of seven."""
+    spec, file = replace(campaign(tmp_path), runs=8), tmp_path / "c.jsonl"
+    rows = [{**fake(case), "verdict": "pass", "label": "ok", "margin_m": 0.3} for case in cases(spec)]
+    run_campaign(spec, file, 1, work=fake)
+    head = file.read_text().splitlines()[0]
+    file.write_text("\n".join([head, *map(json.dumps, rows), ""]))
+    assert len(load_rows(file)[1]) == 8
+    before = "\n".join([head, *map(json.dumps, forge(rows)), ""])
+    file.write_text(before)
+    with pytest.raises(InputError, match=reason):
+        run_campaign(spec, file, 1, work=fake)
+    with pytest.raises(InputError, match=reason):
+        load_rows(file)
+    assert file.read_text() == before
+
+
 def test_a_process_that_dies_is_a_row(tmp_path):
     rows = run_campaign(replace(campaign(tmp_path), runs=9), tmp_path / "c.jsonl", 2, work=deadly)
     assert [row["row"] for row in rows] == list(range(9))
@@ -209,7 +249,7 @@ def test_a_process_that_dies_is_a_row(tmp_path):
 def test_what_a_case_raises_is_a_row(tmp_path):
     spec = campaign(tmp_path)
     row = run_case(replace(spec, set={"plant.kind": "nothing.fmu"}), cases(spec)[0])
-    assert (row["passed"], row["label"], row["margin_m"]) == (False, "error", None)
+    assert (row["verdict"], row["label"], row["margin_m"]) == ("fail", "error", None)
     assert row["error"].startswith("InputError")
 
 
@@ -218,7 +258,7 @@ def test_rows_are_the_same_in_one_process_in_two_and_on_a_cluster(tmp_path):
     distributed = pytest.importorskip("distributed", reason="needs the extra dask")
     spec = replace(campaign(tmp_path), runs=6)
     alone = run_campaign(spec, tmp_path / "1.jsonl", 1)
-    assert {row["label"] for row in alone} == {"ok"}
+    assert {(row["verdict"], row["label"]) for row in alone} == {("inconclusive", "scene too short")}
     assert run_campaign(spec, tmp_path / "2.jsonl", 2) == alone
     with distributed.LocalCluster(2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1") as cluster:
         assert run_campaign(spec, tmp_path / "3.jsonl", dask=cluster.scheduler_address) == alone
@@ -244,7 +284,7 @@ def test_a_campaign_ends_in_a_verdict_a_report_and_test_cases(tmp_path):
     html = (tmp_path / "r.html").read_text()
     page = check_self_contained(html)
     text = " ".join(" ".join(page.words).split())
-    assert f"FAIL: 40 runs, {failed} failures" in text
+    assert f"FAIL: 40 runs, {failed} failures, 0 inconclusive" in text
     assert "plant.noise 0 to 2" in text
     write_junit(tmp_path / "j.xml", spec.name, junit_cases(spec, rows))
     suite = ElementTree.parse(tmp_path / "j.xml").getroot()[0]
@@ -252,11 +292,41 @@ def test_a_campaign_ends_in_a_verdict_a_report_and_test_cases(tmp_path):
     assert len(suite.findall("testcase/failure")) == failed - 1
 
 
+@pytest.mark.parametrize(
+    ("counts", "allowed", "verdict", "bound"),
+    [
+        ((20, 0, 0), None, "pass", 1.0 - 0.05 ** (1 / 20)),
+        ((19, 0, 1), None, "inconclusive", 1.0 - 0.05 ** (1 / 19)),
+        ((18, 1, 1), None, "fail", upper_bound(1, 19)),
+        ((19, 0, 1), 0.3, "pass", 1.0 - 0.05 ** (1 / 19)),
+        ((15, 0, 5), 0.3, "inconclusive", 1.0 - 0.05 ** (1 / 15)),
+        ((10, 9, 1), 0.3, "fail", upper_bound(9, 19)),
+        ((0, 0, 20), 0.3, "inconclusive", 1.0),
+        ((0, 0, 20), None, "inconclusive", 1.0),
+    ],
+)
+def test_inconclusive_runs_are_neither_passes_nor_failures(tmp_path, counts, allowed, verdict, bound):
+    spec = replace(campaign(tmp_path), runs=20, failure_rate=allowed)
+    names = ("pass", "fail", "inconclusive")
+    verdicts = [name for name, count in zip(names, counts, strict=True) for _ in range(count)]
+    rows = [{**fake(case), "verdict": one} for case, one in zip(cases(spec), verdicts, strict=True)]
+    summary = summarised(spec, rows)
+    assert (summary["verdict"], summary["failures"], summary["inconclusive"]) == (verdict, *counts[1:])
+    assert summary["failure_rate_upper_bound_95"] == pytest.approx(bound)
+    assert sentence(summary).startswith(f"{verdict.upper()}: 20 runs, {counts[1]} failures, {counts[2]} inconclusive")
+    cases_of = junit_cases(spec, rows)
+    assert [sum(bool(getattr(c, kind)) for c in cases_of) for kind in ("failure", "error")] == list(counts[1:])
+
+
 @pytest.mark.parametrize("passed", [0, 1, 5])
 def test_reports_of_small_and_of_hopeless_campaigns(tmp_path, passed):
     spec = campaign(tmp_path, 'scenario = "moose"\nruns = 5\nvary.speed = {low = 1.0, high = 2.0}')
     rows = [
-        {**run_case(replace(spec, set={"x": 0}), case), "passed": case.row < passed, "margin_m": 0.1 * case.row or None}
+        {
+            **run_case(replace(spec, set={"x": 0}), case),
+            "verdict": "pass" if case.row < passed else "fail",
+            "margin_m": 0.1 * case.row or None,
+        }
         for case in cases(spec)
     ]
     for chosen in (rows, rows[:1]):
@@ -284,9 +354,9 @@ def test_sensitivity_is_that_of_the_ishigami_function():
 @pytest.mark.closed_loop
 def test_a_row_runs_again_to_the_last_bit(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    campaign(tmp_path, SPEC.replace("runs = 40", "runs = 3"))
+    campaign(tmp_path, SPEC.replace("runs = 40", "runs = 3").replace("duration = 0.2\n", ""))
     assert main(["campaign", "spec.toml", "--jobs", "1", "--junit", "j.xml"]) == 0
-    assert capsys.readouterr().out.startswith("PASS: 3 runs, 0 failures, failure rate at most 63 %")
+    assert capsys.readouterr().out.startswith("PASS: 3 runs, 0 failures, 0 inconclusive, failure rate at most 63 %")
     assert json.loads(Path("runs/spec/summary.json").read_text())["n"] == 3
     assert main(["run", "--from", "runs/spec/campaign.jsonl:2", "--out", "again", "--junit", "r.xml"]) == 0
     assert "row 2 again: the same to the last bit" in capsys.readouterr().out
@@ -338,8 +408,10 @@ def test_mass_and_stiffness_change_the_car_and_not_what_the_controller_knows():
     assert true.yaw_inertia / known.yaw_inertia == pytest.approx(1.2)
     assert true.cornering_stiffness_rear / known.cornering_stiffness_rear == pytest.approx(0.9)
     assert true.tyre.p_ky1 / known.tyre.p_ky1 == pytest.approx(0.9)
-    with pytest.raises(InputError, match="an FMU has its own"):
-        true_vehicle(load_scenario("moose", ["plant.kind=x.fmu", "plant.mass=1.2"]))
+    with pytest.raises(
+        InputError, match=r"plant\.mass: 1\.2: the plant x does not know it; allowed: only with linear, "
+    ):
+        open_plant(load_scenario("moose", ["plant.kind=x.fmu", "plant.mass=1.2"]))
 
 
 class Noting:
@@ -361,7 +433,7 @@ class Noting:
 def test_noise_has_its_size_its_seed_and_leaves_time_alone():
     inner = Noting()
     scenario = load_scenario("moose", ["plant.noise=2", "plant.measured_offset=0.3"])
-    measured = ImperfectMeasurement(inner, scenario)  # pyright: ignore[reportArgumentType]
+    measured = ImperfectMeasurement(inner, scenario.plant)
     true = VehicleState(time=3.0, x=10.0, y=-4.0, yaw=2.0, v_x=8.0)
 
     def told():
@@ -400,7 +472,7 @@ def test_ctrl_c_keeps_what_is_done(tmp_path):
     spec, file = campaign(tmp_path), tmp_path / "c.jsonl"
     script = "import sys, campaign_work; campaign_work.go_on(*sys.argv[1:])"
     process = subprocess.Popen(
-        [sys.executable, "-c", script, str(tmp_path), str(file)], cwd=Path(__file__).parent, stderr=subprocess.PIPE
+        [sys.executable, "-c", script, str(tmp_path), str(file)], cwd=ROOT / "tests", stderr=subprocess.PIPE
     )
     while process.poll() is None and (not file.exists() or file.read_bytes().count(b"\n") < 3):
         time.sleep(0.002)

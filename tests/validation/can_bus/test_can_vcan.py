@@ -16,7 +16,7 @@ from sidestep.controller.can_port.actuator import Actuator
 from sidestep.controller.can_port.bus.bus import Bus, can_interfaces, resolve_spec
 from sidestep.controller.can_port.bus.faults import FaultSpec
 from sidestep.controller.can_port.bus.pacing import Pacer
-from sidestep.controller.can_port.codec.database import load_dbc
+from sidestep.controller.can_port.codec.database import load_dbc, messages
 from sidestep.controller.can_port.codec.messages import ActuatorState, encode_steer_command
 from sidestep.controller.can_port.port import SteeringPort
 from sidestep.controller.can_port.protection.e2e import CheckStatus
@@ -76,7 +76,7 @@ def test_auto_is_vcan0():
 @pytest.mark.parametrize("protection", ["P02", "P05"])
 def test_every_command_crosses_the_kernel(protection, tmp_path):
     commands = slalom(300)
-    with SteeringPort(VCAN, tmp_path / "can.blf", protection=protection) as port:
+    with SteeringPort(VCAN, tmp_path / "can.blf", message=messages(protection)["STEER_CMD"]) as port:
         for command in commands:
             assert_same_but_quantised(port.transmit(command), command)
         assert (port.interface, port.sent, port.lost) == (VCAN, 300, 0)

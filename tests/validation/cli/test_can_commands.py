@@ -13,6 +13,7 @@ import cantools.database
 import pytest
 
 from sidestep.controller.can_port.bus.bus import Bus
+from sidestep.controller.can_port.bus.candump import candump_line
 from sidestep.controller.can_port.bus.faults import FaultSpec
 from sidestep.controller.can_port.bus.log import open_log, read_log
 from sidestep.controller.can_port.codec.database import load_dbc
@@ -68,7 +69,8 @@ def test_the_database_is_printed_and_reads_back(kind, capsys):
 
 def test_the_fd_database(capsys):
     assert main(["can", "dbc", "--format", "json", "--fd"]) == 0
-    assert {m["length"] for m in json.loads(capsys.readouterr().out)["messages"]} == {12}
+    printed = json.loads(capsys.readouterr().out)["messages"]
+    assert {m["length"] for m in printed if m["name"] != "STATE_EXACT"} == {12}
 
 
 def test_the_page_of_messages_is_the_database_s():
@@ -103,7 +105,7 @@ def test_monitor_shows_signals_and_protection(capsys, tmp_path, traffic):
         for message in traffic[:400]:
             sender.send(message)
         sender.send(can.Message(arbitration_id=0x7FF, data=b"\1\2", is_extended_id=False))
-        monitor(bus, "P02", 0.05, None, tmp_path / "log.csv")
+        monitor(bus, None, 0.05, None, tmp_path / "log.csv")
     lines = capsys.readouterr().out.splitlines()
     steer = next(line for line in lines if "STEER_CMD" in line)
     assert "VALID" in steer
@@ -124,8 +126,39 @@ def test_monitor_counts_what_is_bad():
 def test_candump_lines(capsys):
     with Bus("virtual:candump") as bus, Bus("virtual:candump") as sender:
         sender.send(can.Message(12.5, 0x101, is_extended_id=False, data=b"\1\2"))
-        monitor(bus, "P02", 0.02, "-", None)
-    assert capsys.readouterr().out.split(maxsplit=1)[1].split()[:2] == ["candump", "101#0102"]
+        monitor(bus, None, 0.02, "-", None)
+    assert capsys.readouterr().out.split()[1:] == ["candump", "101#0102"]
+
+
+def test_candump_writes_the_name_given_and_no_file_that_was_there(tmp_path):
+    (tmp_path / "run.log").write_text("precious")
+    with Bus("virtual:names") as bus, Bus("virtual:names") as sender:
+        sender.send(can.Message(arbitration_id=0x101, is_extended_id=False, data=b"\1"))
+        monitor(bus, None, 0.02, str(tmp_path / "run.1"), None)
+        for name in ("run.1", "run.log"):
+            with pytest.raises(InputError, match="is there already; allowed: another name, or --overwrite"):
+                monitor(bus, None, 0.02, str(tmp_path / name), None)
+        with pytest.raises(InputError, match="is there already"):
+            monitor(bus, None, 0.02, None, tmp_path / "run.log")
+        assert (tmp_path / "run.log").read_text() == "precious"
+        assert (tmp_path / "run.1").read_text().endswith(") names 101#01\n")
+        monitor(bus, None, 0.02, str(tmp_path / "run.log"), None, overwrite=True)
+    assert (tmp_path / "run.log").read_text() == ""
+
+
+@pytest.mark.parametrize(("changes", "line"), [
+    ({"arbitration_id": 0x12}, "012#"),
+    ({"arbitration_id": 0x12, "is_extended_id": True, "data": b"\xab"}, "00000012#AB"),
+    ({"arbitration_id": 0x7FF, "is_remote_frame": True}, "7FF#R"),
+    ({"arbitration_id": 0x7FF, "is_remote_frame": True, "dlc": 5}, "7FF#R5"),
+    ({"arbitration_id": 0x4, "is_error_frame": True, "data": bytes(8)}, "20000004#0000000000000000"),
+    ({"arbitration_id": 0x1, "is_fd": True, "data": bytes(12)}, "001##0" + 24 * "0"),
+    ({"arbitration_id": 0x1, "is_fd": True, "bitrate_switch": True, "data": b"\1"}, "001##101"),
+    ({"arbitration_id": 0x1, "is_fd": True, "error_state_indicator": True}, "001##2"),
+])  # fmt: skip
+def test_every_kind_of_frame_has_its_candump_line(changes, line):
+    frame = can.Message(timestamp=1700000000.123456, **{"is_extended_id": False, **changes})
+    assert candump_line(frame, "vcan0") == f"(1700000000.123456) vcan0 {line}"
 
 
 def test_what_if_of_its_own_log_is_what_was_sent(tmp_path, traffic, capsys, monkeypatch):
@@ -142,7 +175,7 @@ def test_what_if_needs_a_vehicle(tmp_path, traffic):
     with open_log(tmp_path / "a.log") as log:
         log.on_message_received(traffic[0])
     with pytest.raises(InputError, match="never has both"):
-        can_replay.what_if(tmp_path / "a.log", "single-obstacle", tmp_path / "out")
+        can_replay.what_if(tmp_path / "a.log", SCENE, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -263,7 +296,7 @@ def _enabled(message):
 
 def test_two_processes_drive_over_multicast(multicast_spec, tmp_path, monkeypatch):
     monkeypatch.setattr(report, "run_report", lambda run: "<!doctype html>")  # test_report.py looks at it
-    common = ["single-obstacle", "--can", multicast_spec, "--set", "duration=1.0"]
+    common = ["single-obstacle", "--can", multicast_spec, "--set", "duration=1.0", "--set", "obstacles=[]"]
     with node("drive", *common, "--out", str(tmp_path / "c")) as controller:
         assert main(["can", "plant", *common, "--plant", "linear", "--out", str(tmp_path / "p")]) == 0
         assert controller.wait(30.0) == 0

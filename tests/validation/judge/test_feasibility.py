@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 
 from sidestep.plant_models.vehicle.parameters import GRAVITY
+from sidestep.validation.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
 from sidestep.validation.judge.feasibility import (
     LATERAL_SHARE,
     MARGIN,
-    MAX_JERK,
     REACTION_TIME,
     STEER_SHARE,
     Feasibility,
     assess,
+    way_past,
 )
-from sidestep.validation.judge.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
+from sidestep.validation.judge.reachability import MAX_JERK
 from sidestep.validation.scenarios.random_scenes import random_scene
 from sidestep.validation.scenarios.scenario import Scenario, parse_scenario
 
@@ -139,3 +140,26 @@ def clearance(scenario: Scenario, found: Feasibility) -> float:
     edge = edge_clearance(scenario.path, config.width_left, config.width_right, car, found.witness[:, 1]).min()
     gaps = [signed_clearance(car, obstacle_boxes(scenario.path, o, time)).min() for o in scenario.obstacles]
     return min(float(edge), *map(float, gaps), math.inf)
+
+
+BEND = """
+speed = 20.0
+duration = 14.0
+[road]
+width_left = 4.0
+width_right = 4.0
+segments = [
+    { type = "line", length = 80.0 }, { type = "clothoid", length = 20.0, curvature_start = 0.0, curvature_end = 0.05 },
+    { type = "arc", length = 40.0, curvature = 0.05 }, { type = "line", length = 40.0 },
+]
+"""
+
+
+@pytest.mark.closed_loop
+def test_a_way_past_leads_through_the_bends_of_the_whole_scene():
+    """20 m/s into a bend of 20 m radius is no way past, 10 m/s is; with half of the grip, believed or true, 5 m/s."""
+    shares = [
+        found.share if (found := way_past(parse_scenario(BEND, "bend", changes), 0.2)) else None
+        for changes in ([], ["plant.friction=0.6"], ["controller.friction=0.6"])
+    ]
+    assert shares == [0.5, 0.25, 0.25]

@@ -8,9 +8,11 @@ from hypothesis import strategies as st
 
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road.reference_path import Arc, Line, ReferencePath
-from sidestep.validation.judge.geometry import boxes, car_boxes, edge_clearance, obstacle_boxes, signed_clearance
+from sidestep.validation.geometry import boxes, car_boxes, edge_clearance, obstacle_boxes, signed_clearance
+from sidestep.validation.judge.findings import Finding, Verdict
 from sidestep.validation.judge.verdict import judge
 from sidestep.validation.loop.recording import SAMPLE_UNITS, STEP_UNITS, End, Recording
+from sidestep.validation.loop.start import Departure
 from sidestep.validation.scenarios.scenario import load_scenario
 
 SCENE = load_scenario("single-obstacle")
@@ -136,7 +138,9 @@ def recording(x, y, yaw=0.0, end=End.COMPLETED, infeasible=0, contact=False):
         np.asarray(x, dtype=float), np.asarray(y, dtype=float), np.asarray(yaw, dtype=float)
     )
     samples = {name: np.zeros(len(x)) for name in SAMPLE_UNITS}
+    speed = np.gradient(x, 0.01) if len(x) > 1 else np.zeros(1)
     samples |= {"time": np.arange(len(x)) * 0.01, "x": x, "y": y, "yaw": yaw, "s": x, "l": y}
+    samples |= {"v_x": speed, "target_speed": speed}
     steps = {name: np.ones(3) for name in STEP_UNITS}
     steps["feasible"][:infeasible] = 0.0
     return Recording(samples, steps, end=end, contact=contact)
@@ -173,7 +177,7 @@ def test_a_moving_obstacle_is_met_where_it_is_then():
     assert judged.label == "collision"
     first_touch = (100.0 - 2.25 - 50.0 - CAR.front_extent) / 10.0
     early = judge(recording(np.full(int(first_touch * 100.0), 50.0), 0.0), oncoming)
-    assert early.label == "ok"
+    assert not early.touched
     assert 0.0 < early.min_clearance < 0.3
 
 
@@ -191,10 +195,8 @@ def test_leaving_the_road_on_either_side():
 @pytest.mark.parametrize(
     ("keywords", "label", "passed"),
     [
-        ({"end": End.STOPPED}, "ok", True),
         ({"end": End.END_OF_ROAD}, "ok", True),
         ({"infeasible": 2}, "infeasible, handled", True),
-        ({"end": End.INTERRUPTED}, "interrupted", False),
         ({"end": End.PLANT_INVALID}, "plant invalid", False),
         ({"end": End.CONTROLLER_ERROR}, "controller error", False),
         ({"end": End.BUS_ERROR}, "bus error", False),
@@ -205,3 +207,48 @@ def test_leaving_the_road_on_either_side():
 def test_labels(keywords, label, passed):
     judged = judge(recording(ROAD_LENGTH, 2.2, **keywords), SCENE)
     assert (judged.label, judged.passed) == (label, passed)
+    assert judged.verdict is (Verdict.PASS if passed else Verdict.FAIL)
+    assert judged.touched is not passed
+
+
+def test_an_interrupted_run_shows_nothing():
+    judged = judge(recording(ROAD_LENGTH, 2.2, end=End.INTERRUPTED), SCENE)
+    assert (judged.label, judged.verdict, judged.touched) == ("interrupted", Verdict.INCONCLUSIVE, False)
+
+
+@pytest.mark.parametrize("depth", [1e-6, 1e-3, 0.05, 0.3])
+def test_no_overlap_is_small_enough_to_pass(depth):
+    """Of the outlines, and over the road's edge; as far on the other side of nothing, both pass."""
+    beside = CAR.width / 2.0 + 0.9
+    edge = 4.0 - CAR.width / 2.0
+    empty = replace(SCENE, obstacles=())
+    assert judge(recording(ROAD_LENGTH, beside - depth), SCENE).label == "collision"
+    assert judge(recording(ROAD_LENGTH, edge + depth), empty).label == "corridor violation"
+    assert judge(recording(ROAD_LENGTH, beside + depth), SCENE).passed
+    assert judge(recording(ROAD_LENGTH, edge - depth), empty).passed
+
+
+GRAVE = Finding("controller silent", Verdict.FAIL, "no command from 3.2 s on")
+DOUBTFUL = Finding("log cut short", Verdict.INCONCLUSIVE, "the bus was not seen from 5 s on")
+HARMLESS = Finding("late once", Verdict.PASS, "one command 12 ms late")
+
+
+@pytest.mark.parametrize(
+    ("findings", "verdict", "label"),
+    [
+        ((), Verdict.PASS, "ok"),
+        ((HARMLESS,), Verdict.PASS, "ok"),
+        ((HARMLESS, GRAVE, DOUBTFUL), Verdict.FAIL, "controller silent"),
+        ((DOUBTFUL, GRAVE), Verdict.INCONCLUSIVE, "log cut short"),
+    ],
+)
+def test_what_others_saw_decides_a_drive_without_an_incident(findings, verdict, label):
+    judged = judge(recording(ROAD_LENGTH, 2.2), SCENE, findings)
+    assert (judged.verdict, judged.label, judged.findings) == (verdict, label, findings)
+    assert judge(recording(ROAD_LENGTH, 0.3), SCENE, findings).label == "collision"
+
+
+def test_a_start_that_was_accepted_is_told_by_the_label():
+    off = (Departure("v_x", 15.0, 10.0),)
+    assert judge(replace(recording(ROAD_LENGTH, 2.2), departures=off), SCENE).label == "ok, start not as asked"
+    assert judge(replace(recording(ROAD_LENGTH, 0.3), departures=off), SCENE).label == "collision"

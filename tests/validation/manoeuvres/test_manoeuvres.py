@@ -7,8 +7,8 @@ import pytest
 
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.loop.open_loop import drive, steady_acceleration, steer_angle
 from sidestep.validation.manoeuvres.catalogue import MANOEUVRES, Manoeuvre, Pulse, Ramp, RandomSteer, Sine, Sweep
+from sidestep.validation.manoeuvres.open_loop import drive, steady_acceleration, steer_angle
 
 CAR = VehicleParameters.preset("bmw-320i")
 TIME = np.arange(0.0, 40.0, 1e-3)

@@ -11,7 +11,6 @@ from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.mujoco.bodies import suspension_of
 from sidestep.plant_models.mujoco.plant import MujocoPlant
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.loop.open_loop import drive
 from sidestep.validation.manoeuvres.catalogue import MANOEUVRES, Manoeuvre, Ramp, RandomSteer, Sine
 from sidestep.validation.manoeuvres.frequency_response import frequency_response
 from sidestep.validation.manoeuvres.metrics import (
@@ -23,6 +22,7 @@ from sidestep.validation.manoeuvres.metrics import (
     tb_factor,
     weave,
 )
+from sidestep.validation.manoeuvres.open_loop import drive
 
 UNDERSTEERING = VehicleParameters.preset("bmw-320i", cornering_stiffness_front=100e3, cornering_stiffness_rear=130e3)
 

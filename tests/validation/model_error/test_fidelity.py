@@ -6,10 +6,10 @@ import pytest
 
 from sidestep.fmu.importing.plant import FmuPlant
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.loop.open_loop import Response, drive
 from sidestep.validation.manoeuvres.catalogue import Manoeuvre, Ramp, Sine
-from sidestep.validation.manoeuvres.rating import rate
+from sidestep.validation.manoeuvres.open_loop import Response, drive
 from sidestep.validation.model_error.theil import theil
+from sidestep.validation.report.compare.rating import rate
 
 CAR = VehicleParameters.preset("bmw-320i")
 
@@ -28,7 +28,7 @@ def yaw_ratings(cars: list[tuple[VehicleParameters, str]], manoeuvres: list[Mano
 def test_load_sensitivity_shows_in_hard_turns_as_a_gain():
     """Outer wheels gain less than inner ones lose; without the sensitivity two tracks turn as one."""
     steps = [Manoeuvre("step", Ramp(), 20.0, a, 4.0) for a in (1.0, 7.0)]
-    plain = CAR.with_(tyre=CAR.tyre.without_load_sensitivity())
+    plain = CAR.on_tyres(CAR.tyre.without_load_sensitivity())
     gentle, hard = yaw_ratings([(CAR, "single-track"), (CAR, "double-track")], steps)
     without = yaw_ratings([(plain, "single-track"), (plain, "double-track")], steps)[1]
     assert gentle > 0.94

@@ -24,7 +24,7 @@ def test_all_fourteen_checks_pass():
 @pytest.mark.parametrize("on_belt", [False, True])
 def test_the_rig_measures_the_formula(on_belt):
     car = VehicleParameters.preset("bmw-320i")
-    car = car.with_(tyre=car.tyre.without_load_sensitivity())  # the wheels' loads differ a little while led
+    car = car.on_tyres(car.tyre.without_load_sensitivity())  # the wheels' loads differ a little while led
     plant, load, p = MujocoPlant(car), corners(car)[0].load, car.tyre.as_array()
     angle = math.radians(4.0)
     forces = [crab(plant, speed, angle, on_belt) for speed in (6.0, 20.0)]

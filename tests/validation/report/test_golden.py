@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from stored_runs import drive, stored
 
 from sidestep.validation.cli.main import main
-from sidestep.validation.loop.closed_loop import simulate
+from sidestep.validation.judge.simulate import simulate
 from sidestep.validation.report.compare.golden import TIME_TOLERANCE, check, funnel, read_golden, record
 from sidestep.validation.scenarios.scenario import load_scenario
 
@@ -77,7 +77,7 @@ def test_a_run_that_ends_too_early_is_outside(tmp_path):
 
 def test_only_the_command_changes_what_is_golden(tmp_path, capsys):
     for name, aim in (("a", 0.0), ("b", 0.5)):
-        stored(drive(aim=aim, duration=1.0), tmp_path / name)
+        stored(drive(aim=aim, duration=1.0, overrides=["obstacles=[]"]), tmp_path / name)
     a, b, golden = (str(tmp_path / name) for name in ("a", "b", "g.csv"))
     assert main(["golden", "record", a, golden]) == 0
     before = Path(golden).read_bytes()
@@ -92,11 +92,11 @@ def test_only_the_command_changes_what_is_golden(tmp_path, capsys):
 
 def test_only_a_golden_recording_of_the_same_scenario_is_one(tmp_path, capsys):
     stored(drive(duration=1.0), tmp_path / "a")
-    stored(drive("moose", duration=1.0), tmp_path / "moose")
+    stored(drive("moose", duration=1.0, overrides=["obstacles=[]"]), tmp_path / "moose")
     stored(drive(), tmp_path / "failed")
     golden = tmp_path / "g.csv"
     assert main(["golden", "record", str(tmp_path / "failed"), str(golden)]) == 2
-    assert "is a run that failed: collision; allowed: one that passed" in capsys.readouterr().err
+    assert "did not pass: fail: collision; allowed: one that did" in capsys.readouterr().err
     assert not golden.exists()
     assert main(["golden", "record", str(tmp_path / "moose"), str(golden)]) == 0
     others = {

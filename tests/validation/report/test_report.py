@@ -13,9 +13,10 @@ from matplotlib.figure import Figure
 from stored_runs import drive
 
 from sidestep.validation.files import made, write_text
+from sidestep.validation.judge.findings import Verdict
 from sidestep.validation.judge.summary import strict_json
-from sidestep.validation.model_error.credibility import credibility_report
-from sidestep.validation.model_error.evidence import Evidence
+from sidestep.validation.report.credibility import credibility_report
+from sidestep.validation.report.evidence import Evidence
 from sidestep.validation.report.report import demo_report, run_report, write_run
 from sidestep.validation.report.scrubber import MOST_FRAMES, scrubber_data
 from sidestep.validation.report.usage_figure import prediction_errors
@@ -166,12 +167,12 @@ def test_demo_report_shows_every_row_and_the_ones_that_could_not_run(tmp_path):
     runs = [drive(folder=tmp_path, duration=1.0), drive(overrides=["controller.preset=paper"], duration=1.0)]
     missing = {
         "scenario": "single-obstacle", "plant": "single-track", "preset": "default", "verdict": "fail",
-        "label": "plant invalid", "error": "no C compiler",
+        "label": "plant invalid", "detail": "", "error": "no C compiler",
     }  # fmt: skip
     summaries = [{**runs[0].summary, "report": "a/report.html"}, missing, runs[1].summary]
-    page = check_self_contained(demo_report(runs, summaries, passed=False))
+    page = check_self_contained(demo_report(runs, summaries, Verdict.FAIL))
     text = " ".join(" ".join(page.words).split())
-    assert "FAIL: 1 of 2 runs passed" in text
+    assert "FAIL: 0 of 2 runs passed" in text
     assert "linear (paper)" in text
     assert "plant invalid" in text
     assert page.links == ["a/report.html"]
@@ -181,7 +182,7 @@ def test_a_comparison_reaches_as_far_as_both_runs(tmp_path):
     short = drive(duration=0.5)
     long = replace(drive(duration=1.0), folder=tmp_path)
     summaries = [long.summary, short.summary]
-    check_self_contained(demo_report([long, short], summaries, passed=True))
+    check_self_contained(demo_report([long, short], summaries, Verdict.PASS))
 
 
 # In a browser

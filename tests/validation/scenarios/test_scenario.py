@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.validation.judge.geometry import car_boxes, obstacle_boxes, signed_clearance
-from sidestep.validation.scenarios.scenario import built_in_scenarios, load_scenario
+from sidestep.validation.geometry import car_boxes, obstacle_boxes, signed_clearance
+from sidestep.validation.scenarios.library import built_in_scenarios
+from sidestep.validation.scenarios.scenario import load_scenario
 from sidestep.validation.scenarios.tables import override
 
 SMALL = """
@@ -92,7 +93,7 @@ def test_waypoints_are_found_beside_the_file(file, tmp_path):
 
 def test_a_vehicle_file_is_found_beside_the_file(file, tmp_path):
     original = load_scenario("single-obstacle").vehicle
-    numbers = [n for n in original.__dataclass_fields__ if n not in ("name", "tyre", "suspension")]
+    numbers = [n for n in original.__dataclass_fields__ if n not in ("name", "tyre", "suspension", "steering_ratio")]
     (tmp_path / "car.toml").write_text("\n".join(f"{n} = {getattr(original, n)}" for n in numbers))
     vehicle = load_scenario(file(), ["vehicle.file=car.toml", "vehicle.mass=1500"]).vehicle
     assert (vehicle.name, vehicle.mass, vehicle.l_f) == ("car", 1500.0, original.l_f)
@@ -147,16 +148,16 @@ def test_an_fmu_is_found_from_the_files_folder_and_named_without_it(file, tmp_pa
         ("road.segments.0.radius=3", "road.segments[0].radius: unknown key"),
         ("speed=abc", "speed: 'abc' cannot be used; allowed: a number"),
         ("speed=true", "speed: True cannot be used; allowed: a number"),
-        ("speed=-1", "speed: -1 cannot be used; allowed: a number > 0"),
+        ("speed=-1", "speed: -1.0; allowed: 0.01 to 150 m/s"),
         ("speed=nan", "speed: nan"),
-        ("duration=inf", "duration: inf; allowed: a finite number up to 1e+09"),
+        ("duration=inf", "duration: inf; allowed: 0.001 to 100000 s"),
         ("name=a/b", "name: 'a/b' cannot be used"),
         ("road=3", "road: 3 cannot be used; allowed: a table"),
         ("obstacles=3", "obstacles: 3 cannot be used; allowed: a list"),
         ("obstacles=[3]", "obstacles[0]: 3 is not a table"),
         ("obstacles=[{s=1}]", "obstacles[0].l: missing"),
-        ("road.width_left=-4", "road.width_left: -4 cannot be used; allowed: a number > 0"),
-        ("obstacles.0.width=-1.8", "obstacles[0].width: -1.8; allowed: > 0"),
+        ("road.width_left=-4", "road.width_left: -4.0; allowed: 0.01 to 1000 m"),
+        ("obstacles.0.width=-1.8", "obstacles[0].width: -1.8; allowed: 0.001 to 10000 m"),
         ("obstacles.0.s=2", "obstacles[0]: stands on the start of the car"),
         ("start.l=3.9", "start.l: the car stands 0.7"),
         ("start.s=-3", "start.s: -3.0 m is not on the road; allowed: 0 to 150"),
@@ -167,11 +168,11 @@ def test_an_fmu_is_found_from_the_files_folder_and_named_without_it(file, tmp_pa
         ("road.segments.0.length=-1", "road.segments[0].length: -1.0 m; allowed: 0 < length"),
         ("road.segments=[3]", "road.segments[0].type: None; allowed: line, arc, clothoid"),
         ("vehicle.preset=bmw", "vehicle.preset: unknown preset 'bmw'; allowed: bmw-320i"),
-        ("vehicle.mass=-3", "vehicle.mass: -3.0; allowed: > 0"),
+        ("vehicle.mass=-3", "vehicle.mass: -3.0; allowed: 0.1 to 1e+06 kg"),
         ("vehicle.file=none.toml", "none.toml"),
         ("controller.preset=papr", "controller.preset: unknown preset 'papr'; allowed: default, paper"),
-        ("controller.period=0", "controller.period: 0.0; allowed: > 0"),
-        ("plant.friction=0", "plant.friction: 0 cannot be used; allowed: a number > 0"),
+        ("controller.period=0", "controller.period: 0.0; allowed: 0.001 to 0.2 s"),
+        ("plant.friction=0", "plant.friction: 0.0; allowed: 0.001 to 10"),
         ("speed", "--set: 'speed' is not key=value"),
         ("speed.x=1", "--set speed.x: 'speed' holds a value, not a table"),
         ("obstacles.7.s=2", "--set obstacles.7.s: no entry '7' in a list of 2"),

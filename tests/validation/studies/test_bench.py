@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sidestep.controller.mpc.mpc import Problem
+from sidestep.controller.mpc.piqp_solver import Problem
 from sidestep.plant_models import PlantError
 from sidestep.validation.cli.main import main
 from sidestep.validation.scenarios.scenario import load_scenario

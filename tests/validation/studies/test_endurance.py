@@ -11,7 +11,8 @@ import pytest
 
 from sidestep.controller import SteeringController
 from sidestep.validation.cli.main import main
-from sidestep.validation.judge.geometry import car_boxes, obstacle_boxes, signed_clearance
+from sidestep.validation.geometry import car_boxes, obstacle_boxes, signed_clearance
+from sidestep.validation.loop import closed_loop
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.scenarios.scenario import parse_scenario
 from sidestep.validation.studies import endurance
@@ -43,7 +44,7 @@ def test_obstacles_leave_a_way_or_room_to_stop(seed):
 
 
 def row(stint: int, memory: float) -> endurance.StintRow:
-    return endurance.StintRow(stint, "ok", "completed", 1.0, 480.0, 3000, 0, 0, 0, 500.0, 500.0, memory)
+    return endurance.StintRow(stint, "pass", "ok", "completed", False, 1.0, 480.0, 3000, 0, 0, 0, 500.0, 500.0, memory)
 
 
 def test_growth_is_what_comes_after_the_warm_up():
@@ -75,7 +76,7 @@ def test_only_a_step_that_is_long_again_is_late(slow, repeats, late, monkeypatch
     now = parse_scenario(endurance._SCENE, "endurance", ["duration=0.5", "plant.kind=linear"])
     with open_plant(now) as plant:
         endurance._drive(now, plant, now.start, 0, 0)  # load the kernels
-        monkeypatch.setattr(endurance, "SteeringController", Slow)
+        monkeypatch.setattr(closed_loop, "SteeringController", Slow)
         driven, _ = endurance._drive(now, plant, now.start, 0, 0)
     assert len(made) == 2
     assert (driven.late, driven.stalled, driven.steps) == (late, 1 - late, 50)

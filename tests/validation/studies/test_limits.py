@@ -11,6 +11,7 @@ import pytest
 from scipy.stats import binom
 
 from sidestep.plant_models.errors import InputError
+from sidestep.validation.cli.main import main
 from sidestep.validation.studies.limits import Outcome, counted, in_parallel, kept_rows, upper_bound, write_outcome
 
 
@@ -73,3 +74,19 @@ def test_results_come_in_the_order_of_the_calls():
     done = []
     calls = [partial(pow, n, 2) for n in range(6)]
     assert in_parallel("squares", calls, 1, done.append) == done == [0, 1, 4, 9, 16, 25]
+
+
+@pytest.mark.parametrize(
+    ("command", "change"),
+    [
+        ("scenes", "plant.kind=linear"), ("delay", "controller.period=0.1"),
+        ("delay", "controller.input_delay_steps=2"),
+        ("moose", "speed=10"), ("moose", "obstacles.0.l=3"), ("moose", "duration=3"), ("optimum", "plant.kind=linear"),
+        ("endurance", "obstacles=[]"),
+    ],
+)  # fmt: skip
+def test_what_a_study_sets_itself_is_refused(command, change, tmp_path, capsys):
+    assert main(["limits", command, "--set", change, "--out", str(tmp_path / "x")]) == 2
+    key = change.partition("=")[0]
+    assert f"--set {key}: makes no difference here: this study sets it; allowed: " in capsys.readouterr().err
+    assert not (tmp_path / "x").exists()

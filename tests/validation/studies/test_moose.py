@@ -56,7 +56,7 @@ def test_throttle_off_means_neither_drive_nor_brakes(plant):
     with open_plant(moose.rolling(scenario)) as car:
         for target in (0.0, 40.0):
             straight = cosimulate(Feedback(speed=target), car, replace(scenario, duration=1.0))
-            assert straight["v_x"] == pytest.approx(scenario.speed, abs=1e-4)
+            assert straight["v_x"] == pytest.approx(scenario.speed, abs=1.001 * moose.COASTING)
 
 
 def test_the_tyres_drag_slows_the_rolling_car():

@@ -8,7 +8,7 @@ import pytest
 
 import sidestep.validation
 from sidestep.validation.cli.main import main
-from sidestep.validation.judge.geometry import car_boxes, obstacle_boxes, signed_clearance
+from sidestep.validation.geometry import car_boxes, obstacle_boxes, signed_clearance
 from sidestep.validation.scenarios.scenario import load_scenario
 from sidestep.validation.studies.optimum import JERK_BANDWIDTH, SCENES, Peaks, compare, low_passed, offline_optimum
 

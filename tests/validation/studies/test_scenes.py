@@ -14,7 +14,7 @@ from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.signals import VehicleState
 from sidestep.validation.cli.main import main
-from sidestep.validation.judge.geometry import obstacle_boxes, signed_clearance
+from sidestep.validation.geometry import obstacle_boxes, signed_clearance
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.scenarios.random_scenes import MAX_CURVATURE, ROAD_ACCELERATION, SPEEDS, random_scene
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario, parse_scenario
@@ -110,9 +110,10 @@ def test_a_slow_car_comes_closer_to_the_commitment_in_its_own_time():
 
 def row(**values) -> SceneRow:
     usual = {
-        "seed": 0, "speed": 10.0, "obstacles": 2, "moving": 0, "physics": "passable", "label": "ok",
-        "end": "end of the road", "min_clearance": 0.2, "min_edge_clearance": 1.0, "final_speed": 10.0,
-        "max_lateral_acceleration": 2.0, "infeasible_steps": 0, "flips": 0, "error": "",
+        "seed": 0, "speed": 10.0, "obstacles": 2, "moving": 0, "physics": "passable", "verdict": "pass",
+        "label": "ok", "detail": "", "end": "end of the road", "touched": False, "min_clearance": 0.2,
+        "min_edge_clearance": 1.0, "final_speed": 10.0, "max_lateral_acceleration": 2.0, "infeasible_steps": 0,
+        "flips": 0, "error": "",
     }  # fmt: skip
     return SceneRow(**{**usual, **values})
 
@@ -122,10 +123,14 @@ def row(**values) -> SceneRow:
     [
         ({}, False),
         ({"label": "infeasible, handled"}, False),
-        ({"label": "collision"}, True),
-        ({"label": "corridor violation", "physics": "stoppable"}, True),
-        ({"label": "collision", "physics": "unavoidable"}, False),
-        ({"label": "controller error", "physics": "unavoidable", "error": "ValueError: no"}, True),
+        ({"label": "stopped, no way past", "physics": "stoppable"}, False),
+        ({"verdict": "fail", "label": "collision", "touched": True}, True),
+        ({"verdict": "fail", "label": "corridor violation", "physics": "stoppable", "touched": True}, True),
+        ({"verdict": "fail", "label": "collision", "physics": "unavoidable", "touched": True}, False),
+        ({"verdict": "fail", "physics": "unavoidable", "touched": True, "error": "ValueError: no"}, True),
+        ({"verdict": "fail", "label": "stopped though passable"}, True),
+        ({"verdict": "fail", "label": "stopped though passable", "physics": "stoppable"}, True),
+        ({"verdict": "inconclusive", "label": "not passed in time"}, False),
         ({"flips": 1}, True),
         ({"flips": 1, "physics": "unavoidable"}, False),
     ],
@@ -154,11 +159,32 @@ def test_the_command_writes_what_it_shows(tmp_path: Path, capsys):
     assert all(c["upper_bound_95"] is None or math.isfinite(c["upper_bound_95"]) for c in result["classes"].values())
 
 
+@pytest.mark.parametrize(
+    ("values", "status", "shown"),
+    [
+        ({"verdict": "fail", "label": "stopped though passable", "detail": "12 m of 90 m driven"}, 1, "1 of 2"),
+        ({"verdict": "inconclusive", "label": "not passed in time"}, 1, "not passed in time"),
+        ({}, 0, "0 of 2"),
+    ],
+)
+def test_a_stop_though_passable_has_a_column_and_a_bound(values, status, shown, tmp_path, monkeypatch, capsys):
+    rows = {7: row(seed=7), 8: row(seed=8, **values)}
+    monkeypatch.setattr(scene_runs, "run_scene", lambda seed, plant, overrides: rows[seed])
+    assert scenes([7, 8], "linear", [], 1, tmp_path, "") == status
+    output = capsys.readouterr().out
+    assert "stopped or slow" in output
+    assert shown in output
+    passable = json.loads((tmp_path / "scenes.json").read_text())["classes"]["passable"]
+    held_back = int(values.get("verdict") == "fail")
+    assert (passable["touched"], passable["held_back"]) == (0, held_back)
+    assert passable["held_back_upper_bound_95"] == pytest.approx(0.975 if held_back else 0.776, abs=1e-3)
+
+
 def test_rows_outlive_what_ends_the_study(tmp_path: Path, monkeypatch):
     def drive(seed: int, plant: str, overrides: Sequence[str]) -> SceneRow:
         if seed == 2:
             raise ZeroDivisionError
-        return SceneRow(seed, 1.0, 2, 0, PASSABLE, "ok", "completed", 1.0, 1.0, 1.0, 1.0, 0, 0, "")
+        return SceneRow(seed, 1.0, 2, 0, PASSABLE, "pass", "ok", "", "completed", False, 1.0, 1.0, 1.0, 1.0, 0, 0, "")
 
     monkeypatch.setattr(scene_runs, "run_scene", drive)
     with pytest.raises(ZeroDivisionError):

@@ -18,9 +18,9 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 from sidestep.validation.model_error.logs.measured import PERIOD
 
@@ -108,7 +108,7 @@ def simulate(
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _at(signal, place):
     """Linear between samples, held beyond the ends."""
     last = signal.shape[0] - 1
@@ -120,13 +120,13 @@ def _at(signal, place):
     return signal[k] + (place - k) * (signal[k + 1] - signal[k])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _force(slip, stiffness, peak, curvature):
     x = stiffness * slip / (SHAPE * peak)
     return peak * np.sin(SHAPE * np.arctan(x - curvature * (x - np.arctan(x))))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def targets(p, c, v_x, a_x, v_y, r, angle, linear):
     """Steady axle forces, in [N]; arguments as of `advance`."""
     mass, l_f, l_r, rear_drive = c[0], c[1], c[2], c[3]
@@ -151,20 +151,20 @@ def targets(p, c, v_x, a_x, v_y, r, angle, linear):
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _rates(p, c, v_x, a_x, r, angle, force_f, force_r, rolling, bank):
     front = force_f * np.cos(angle)
     moment = c[1] * front - c[2] * force_r - c[0] * a_x * p[10] - c[4] * v_x * rolling
     return (front + force_r) / c[0] - v_x * r - bank, moment / (p[8] + c[5])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _steady_v_y(p, c, v_x, r):
     rear = c[0] * c[1] / (c[1] + c[2]) * v_x * r  # force of the rear axle
     return c[2] * r - v_x * rear / p[1]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def advance(p, c, state, v_x, a_x, angle, bank, period, linear):
     """One step by the midpoint rule; the forces' lag is exact for slips that change steadily.
 
@@ -203,7 +203,7 @@ def advance(p, c, state, v_x, a_x, angle, bank, period, linear):
     return v_y, r, force_f, force_r, roll, rolling, to_f, to_r
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _lagged(force, was, now, rolled, half):
     """Force in the middle and at the end of a step, whose steady one is a line through `was` and `now`.
 
@@ -215,13 +215,13 @@ def _lagged(force, was, now, rolled, half):
     return now - behind + start * half, now + 0.5 * slope - behind + start * half**2
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _roll_rate(p, c, force_f, force_r, angle, roll, rolling):
     felt = (force_f * np.cos(angle) + force_r) / c[0]
     return p[20] ** 2 * (p[16] * felt - roll) - 2.0 * p[21] * p[20] * rolling
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _rolled(p, speed, start_r, k0, period):
     """Roll and its rate at a window's start: what the turning before it has left."""
     first = max(k0 - ROLLED, 0)
@@ -233,7 +233,7 @@ def _rolled(p, speed, start_r, k0, period):
     return roll, rolling
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _run(p, c, steer, speed, along, start_r, start_v_y, starts, moved, period, linear, out):
     steps, late = out.shape[1], p[13] / period
     for w in range(starts.shape[0]):

@@ -1,7 +1,7 @@
-"""Identification of k_f, k_r and I_z from drives, by output error, with what says whether to believe them.
+"""Identification of cornering stiffnesses and yaw inertia from drives, with what says whether to believe them.
 
-The linear single track is simulated with the realised steering; the parameters minimise the squared residuals of yaw
-rate and lateral acceleration, each over its own standard deviation, which is estimated on the way. Then
+Output error: the linear single track is simulated with the realised steering; the parameters minimise the squared
+residuals of yaw rate and lateral acceleration, each over its standard deviation, which is estimated on the way. Then
 
     covariance   (J^T J)^-1 of the logarithms of the parameters: relative variances
     correlation  near 1: one parameter makes up for the other, the data cannot tell them apart
@@ -15,22 +15,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.kernels import kernel
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.loop.open_loop import PERIOD, Response
 from sidestep.validation.manoeuvres.catalogue import Manoeuvre, RandomSteer
+from sidestep.validation.manoeuvres.open_loop import PERIOD, Response
 
 Array = NDArray[np.float64]
 
-PARAMETERS = ("k_f", "k_r", "I_z")
+PARAMETERS = ("cornering_stiffness_front", "cornering_stiffness_rear", "yaw_inertia")
 UNITS = ("N/rad", "N/rad", "kg m²")
-"""k_f and k_r per tyre, as in the paper."""
+"""By the names of a vehicle file: stiffnesses PER AXLE, twice the paper's k_f and k_r."""
 SIGNALS = ("yaw_rate", "lateral_acceleration")
 LARGEST_CORRELATION, LARGEST_DEVIATION = 0.98, 0.1
 """Beyond these, of two parameters and relative of one, the data identify nothing."""
@@ -94,7 +94,7 @@ class Identification:
         pairs = np.abs(self.correlation - np.eye(3))
         i, j = np.unravel_index(int(pairs.argmax()), pairs.shape)
         if pairs[i, j] > LARGEST_CORRELATION:
-            return f"{PARAMETERS[i]} and {PARAMETERS[j]} cannot be told apart: correlation {self.correlation[i, j]:.3f}"
+            return f"{PARAMETERS[i]} and {PARAMETERS[j]} cannot be separated: correlation {self.correlation[i, j]:.3f}"
         least = int(self.explained.argmin())
         if self.explained[least] < LEAST_EXPLAINED:
             return f"the model explains only {self.explained[least]:.0%} of {self.signals[least]}"
@@ -111,10 +111,7 @@ class Identification:
         """
         if self.problem:
             raise InputError("identification", self.problem, "steering that excites yaw and sideslip at several speeds")
-        k_f, k_r, yaw_inertia = self.values.tolist()
-        return vehicle.with_(
-            cornering_stiffness_front=2.0 * k_f, cornering_stiffness_rear=2.0 * k_r, yaw_inertia=yaw_inertia
-        )
+        return vehicle.with_(**dict(zip(PARAMETERS, self.values.tolist(), strict=True)))
 
 
 def identify(
@@ -134,7 +131,7 @@ def identify(
     scale = np.std(np.concatenate(measured), axis=0)
     if not scale.all():
         raise InputError("identification", "a signal that never changes", "drives with steering")
-    start = np.array([vehicle.cornering_stiffness_front, vehicle.cornering_stiffness_rear, vehicle.yaw_inertia])
+    start = np.array([getattr(vehicle, name) for name in PARAMETERS])
 
     def residuals(logarithms: Array) -> list[Array]:
         car = start * np.exp(logarithms)
@@ -148,7 +145,7 @@ def identify(
         found, jacobian, rest = fit.x, fit.jac, residuals(fit.x)
         scale = np.maximum(np.std(np.concatenate(rest), axis=0), 1e-12)
     return Identification(
-        values=start * np.exp(found) * np.array([0.5, 0.5, 1.0]),
+        values=start * np.exp(found),
         covariance=_covariance(jacobian),
         signals=tuple(signals),
         explained=1.0 - np.var(np.concatenate(rest), axis=0) / np.var(np.concatenate(measured), axis=0),
@@ -189,7 +186,7 @@ def _respond(car: Array, drive: Response, vehicle: VehicleParameters, signals: S
     return np.column_stack([answers[name] for name in signals])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _recursion(transition, steer, v_y, yaw_rate):
     lateral, rate = np.empty(steer.shape[0]), np.empty(steer.shape[0])
     lateral[0], rate[0] = v_y, yaw_rate

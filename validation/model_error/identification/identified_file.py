@@ -11,11 +11,11 @@ import msgspec
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 from sidestep.validation.model_error.identification.car_kernel import SHAPE, Chassis, Values
-from sidestep.validation.model_error.identification.identify import with_tyre
 from sidestep.validation.model_error.identification.log_identification import LogIdentification, Verdict
 from sidestep.validation.model_error.identification.log_parameters import BY_NAME
 
 _LARGEST_CURVATURE = 0.99
+_LEAST_GAIN = 0.5  # road wheel over measured angle, below which a steering wheel was measured
 _SAME_LOAD = 0.05  # relative difference of the axles' loads below which one tyre has one peak
 
 
@@ -79,8 +79,8 @@ def read_identified(path: Path) -> tuple[LogIdentification, Chassis, str]:
 def identified_vehicle(found: LogIdentification, vehicle: VehicleParameters) -> VehicleParameters:
     """The vehicle with what the log told; what it did not tell stays as it was told.
 
-    The file has one tyre for both axles: its stiffness is that of both together, its peak that of either axle where
-    their loads differ.
+    The file has one tyre for both axles, which each axle's stiffness scales; its peak is that of either axle where
+    their loads differ, its curvature that of both together.
     """
     v, changes = found.values, {}
     for name, key, value in (
@@ -89,14 +89,15 @@ def identified_vehicle(found: LogIdentification, vehicle: VehicleParameters) -> 
     ):  # fmt: skip
         if found.known(name):
             changes[key] = value
+    if found.known("steer_gain") and v.steer_gain < _LEAST_GAIN:
+        changes["steering_ratio"] = 1.0 / v.steer_gain
     vehicle = vehicle.with_(**changes)
-    tyre = replace(vehicle.tyre, p_ky4=2.0)
+    tyre = vehicle.tyre
     if found.known("relaxation"):
         tyre = replace(tyre, relaxation_y=v.relaxation)
     if found.known("mu_f") and found.known("mu_r"):
         tyre = replace(tyre, **_peaks(v, vehicle))
-    vehicle = vehicle.with_(tyre=tyre)
-    return with_tyre(vehicle) if found.known("C_f") and found.known("C_r") else vehicle
+    return vehicle.with_(tyre=tyre)
 
 
 def _peaks(v: Values, vehicle: VehicleParameters) -> dict[str, float]:

@@ -1,17 +1,21 @@
-"""`sidestep identify`: k_f, k_r and I_z of a plant, and the vehicle file that the controller then uses."""
+"""`sidestep identify`: a plant's cornering stiffnesses and yaw inertia, and the vehicle file for the controller."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from sidestep.controller.mpc.car_model import Car, axle_force
+from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.cli.console import progress_bar
+from sidestep.plant_models.vehicle.table import assumed
+from sidestep.validation.console import progress_bar
 from sidestep.validation.files import check_file, write_text, written_file
+from sidestep.validation.loop.foreign import is_foreign
 from sidestep.validation.loop.measurement import measured
-from sidestep.validation.loop.open_loop import drive
 from sidestep.validation.loop.plants import open_plant
-from sidestep.validation.model_error.envelope import open_loop_scenario
+from sidestep.validation.manoeuvres.catalogue import Manoeuvre
+from sidestep.validation.manoeuvres.open_loop import Response, drive
+from sidestep.validation.manoeuvres.scene import open_loop_scenario
 from sidestep.validation.model_error.identification.identification import (
     DRIVES,
     PARAMETERS,
@@ -21,10 +25,9 @@ from sidestep.validation.model_error.identification.identification import (
     identify,
 )
 from sidestep.validation.model_error.identification.vehicle_file import vehicle_toml
+from sidestep.validation.scenarios.scenario import Scenario, told_car
 from sidestep.validation.studies.limits import new_table, show
 
-SMALL = 1e-4
-"""Slip angle at which an axle's stiffness is taken, in [rad]."""
 COMMANDS = 5
 """Of the steering per sample, so that it is smooth between samples."""
 
@@ -50,34 +53,44 @@ def identify_plant(overrides: Sequence[str], out: Path, command_line: str) -> in
     with open_plant(scenario) as plant, progress_bar(f"driving {scenario.plant.name}", len(DRIVES)) as progress:
         for done, manoeuvre in enumerate(DRIVES):
             progress(done)
-            response = drive(plant, manoeuvre, scenario.vehicle, commands=COMMANDS)
+            response = _driven(plant, manoeuvre, scenario)
             responses.append(measured(response, scenario.plant.noise, (scenario.plant.noise_seed, done)))
-    found = identify(responses, scenario.vehicle)
+    found, taken = identify(responses, scenario.vehicle), taken_for_granted(scenario)
     _print(found, scenario.vehicle)
+    show(taken)
     if found.problem:
         show(f"not identified: {found.problem}; nothing is written")
         return 1
-    vehicle = with_tyre(replace(found.vehicle(scenario.vehicle), name=out.stem))
+    vehicle = replace(found.vehicle(scenario.vehicle), name=out.stem)
     with written_file(out, "--out"):
-        write_text(out, vehicle_toml(vehicle, f"Identified by: {command_line}\n{_summary(found)}"))
+        write_text(out, vehicle_toml(vehicle, f"Identified by: {command_line}\n{_summary(found)}\n{taken}"))
     show(f"vehicle file: {out}; use it by --set vehicle.file={out}")
     return 0
 
 
-def with_tyre(vehicle: VehicleParameters) -> VehicleParameters:
-    """The tyre's stiffness scaled so that the Magic Formula of both axles together is as stiff as the linear ones."""
-    car = Car.of(vehicle, affine=True, friction=1.0)
-    formula = sum(axle_force(SMALL, 0.0, load, car) / SMALL for load in (car.load_f, car.load_r))
-    scale = (car.stiffness_f + car.stiffness_r) / formula
-    return vehicle.with_(tyre=replace(vehicle.tyre, p_ky1=scale * vehicle.tyre.p_ky1))
+def _driven(plant: Plant, manoeuvre: Manoeuvre, scenario: Scenario) -> Response:
+    try:
+        return drive(plant, manoeuvre, scenario.vehicle, commands=COMMANDS)
+    except InputError:  # a foreign plant that makes steps of a sample's length, and none shorter
+        if not is_foreign(scenario.plant):
+            raise
+        return drive(plant, manoeuvre, scenario.vehicle)
+
+
+def taken_for_granted(scenario: Scenario) -> str:
+    """What was not identified, and where it is from: motion alone tells ratios to the mass."""
+    car = assumed(told_car(scenario.tables.get("vehicle", {}), scenario.plant), scenario.vehicle)
+    return f"taken for granted, not identified: {car}; stiffnesses and inertia are in proportion to that mass"
 
 
 def _print(found: Identification, before: VehicleParameters) -> None:
-    table = new_table("Identified", "", "value", "± 95 %", "before", "unit", *(f"corr. {name}" for name in PARAMETERS))
-    given = (before.cornering_stiffness_front / 2.0, before.cornering_stiffness_rear / 2.0, before.yaw_inertia)
+    table = new_table(
+        "Identified", "", "value", "± 95 %", "before", "unit", *(f"corr. {i + 1}" for i in range(len(PARAMETERS)))
+    )
     for i, name in enumerate(PARAMETERS):
+        given = getattr(before, name)
         table.add_row(
-            name, f"{found.values[i]:.5g}", f"{196.0 * found.deviations[i]:.2g} %", f"{given[i]:.5g}", UNITS[i],
+            name, f"{found.values[i]:.5g}", f"{196.0 * found.deviations[i]:.2g} %", f"{given:.5g}", UNITS[i],
             *(f"{c:.3f}" for c in found.correlation[i]),
         )  # fmt: skip
     show(table, _summary(found))

@@ -9,14 +9,14 @@ from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
 
 def vehicle_toml(vehicle: VehicleParameters, comment: str = "") -> str:
-    """The text of a vehicle file; numbers to their last bit.
+    """The text of a vehicle file; numbers to their last bit, p_ky1 left to the axles' stiffness.
 
     Args:
         vehicle: What to write; tyre coefficients only where they differ from the default's.
         comment: Lines at the head.
     """
     default = TyreParameters()
-    tyre = {f.name: getattr(vehicle.tyre, f.name) for f in fields(TyreParameters)}
+    tyre = {f.name: getattr(vehicle.tyre, f.name) for f in fields(TyreParameters) if f.name != "p_ky1"}
     tables = {"tyre": {name: value for name, value in tyre.items() if value != getattr(default, name)}}
     if vehicle.suspension:
         tables["suspension"] = {f.name: getattr(vehicle.suspension, f.name) for f in fields(vehicle.suspension)}
@@ -29,4 +29,5 @@ def vehicle_toml(vehicle: VehicleParameters, comment: str = "") -> str:
 
 
 def _rows(table: dict[str, Any]) -> list[str]:
-    return [f"{key} = {json.dumps(value) if isinstance(value, str) else repr(value)}" for key, value in table.items()]
+    known = {key: value for key, value in table.items() if value is not None}
+    return [f"{key} = {json.dumps(value) if isinstance(value, str) else repr(value)}" for key, value in known.items()]

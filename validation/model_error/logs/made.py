@@ -12,10 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sidestep.controller.mpc.car_model import Car
 from sidestep.plant_models.mujoco.plant import MujocoPlant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.plant_models.tyres.formula import cornering_stiffness
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 from sidestep.validation.manoeuvres.catalogue import RandomSteer
 from sidestep.validation.model_error.logs.measured import PERIOD
@@ -117,10 +115,9 @@ def made_log(
         seen("v_y", true["v_y"], sensors.v_y_delay, sensors.sideslip_offset * true["v_x"]),
     ]
     slope = float(true["roll"] @ true["force"] / (true["force"] @ true["force"]))
-    car = Car.of(vehicle, affine=True, friction=1.0)
     values = {
-        "C_f": 2.0 * float(cornering_stiffness(0.5 * car.load_f, car.tyre)),
-        "C_r": 2.0 * float(cornering_stiffness(0.5 * car.load_r, car.tyre)), "I_z": vehicle.yaw_inertia,
+        "C_f": vehicle.cornering_stiffness_front,
+        "C_r": vehicle.cornering_stiffness_rear, "I_z": vehicle.yaw_inertia,
         "steer_gain": 1.0 / sensors.ratio, "steer_offset": sensors.steer_offset, "steer_delay": sensors.steer_delay,
         "yaw_rate_offset": sensors.yaw_rate_offset, "a_y_offset": sensors.a_y_offset, "roll_gain": slope,
         "sideslip_offset": sensors.sideslip_offset, "a_y_delay": sensors.a_y_delay, "v_y_delay": sensors.v_y_delay,

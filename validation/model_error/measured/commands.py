@@ -10,9 +10,7 @@ import numpy as np
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.files import check_file, made, write_text, written_file, written_to
 from sidestep.validation.judge.summary import strict_json
-from sidestep.validation.model_error.credibility import write_credibility_report
-from sidestep.validation.model_error.envelope import open_loop_scenario
-from sidestep.validation.model_error.evidence import Table
+from sidestep.validation.manoeuvres.scene import open_loop_scenario
 from sidestep.validation.model_error.identification.car_kernel import Chassis
 from sidestep.validation.model_error.identification.identified_file import (
     identified_json,
@@ -27,6 +25,8 @@ from sidestep.validation.model_error.measured import log_report
 from sidestep.validation.model_error.measured.log_envelope import log_envelope
 from sidestep.validation.model_error.measured.replay import replay, summary
 from sidestep.validation.model_error.measured.scores import RANGES, Scores, Starts, by_range, p95, score_all, starts_of
+from sidestep.validation.report.credibility import write_credibility_report
+from sidestep.validation.report.evidence import Table
 from sidestep.validation.studies.limits import new_table, show
 
 FITTED, JUDGED = slice(0, None, 2), slice(1, None, 2)

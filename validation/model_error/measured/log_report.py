@@ -7,7 +7,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from sidestep.validation.model_error.evidence import Evidence, Table
 from sidestep.validation.model_error.identification.car_kernel import Chassis, Values, simulate
 from sidestep.validation.model_error.identification.log_identification import LogIdentification
 from sidestep.validation.model_error.identification.window_fit import CHANNELS, delayed
@@ -24,6 +23,7 @@ from sidestep.validation.model_error.measured.scores import (
 )
 from sidestep.validation.model_error.prediction_error import HORIZON_TIME
 from sidestep.validation.model_error.prediction_models import MODELS
+from sidestep.validation.report.evidence import Evidence, Table
 from sidestep.validation.report.style import BLUE, FAINT, GREEN, INK, ORANGE, legend, panel, styled
 
 Array = NDArray[np.float64]
@@ -93,8 +93,8 @@ def model_evidence(scores: Sequence[Scores], starts: Starts, fitted: str, passed
     """Measured against each model."""
     note = (
         f"Fitted to {fitted}. Windows of 3 s from measured starts, steering and speed as measured. Share of the "
-        f"variance that the model explains, below {HIGHEST:g} Hz and, as raw, with all that the sensors add. Then the 95th "
-        f"percentile of the lateral offset's error {HORIZON_TIME:g} s ahead, in m, by the mean lateral acceleration."
+        f"variance that the model explains, below {HIGHEST:g} Hz and, as raw, with all that the sensors add. Then the "
+        f"95th percentile of the lateral offset's error {HORIZON_TIME:g} s ahead [m], by the mean lateral acceleration."
     )
     return [
         Evidence("Measured against each model", note, offset_figure(scores, starts), models_table(scores, starts),
@@ -204,8 +204,8 @@ def envelope_evidence(found: LogEnvelope) -> Evidence:
     note = (
         f"The controller's own models with the vehicle file, as on plants: p95 of the lateral error "
         f"{HORIZON_TIME:g} s ahead, valid while it stays within the buffer of {found.buffer:g} m. The error holds what "
-        "sensors and an unknown bank add: small limits may be the log's, not the model's. Its one tyre for both axles has the stiffness of both "
-        "together, so that a car whose axles differ loses its balance. --set controller.buffer=... asks for another."
+        "sensors and an unknown bank add: small limits may be the log's, not the model's. --set controller.buffer=... "
+        "asks for another buffer."
     )
     return Evidence(
         "Validity envelope of this car", note, envelope_figure(found), Table(heads, tuple(rows)), section="Envelope"

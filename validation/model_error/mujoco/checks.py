@@ -15,7 +15,7 @@ from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.tyres.formula import magic_formula
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
-from sidestep.validation.judge.geometry import Array
+from sidestep.validation.geometry import Array
 from sidestep.validation.model_error.mujoco.rig import crab
 
 _SMALL = math.radians(0.05)  # slip angle where the force is still linear, [rad]
@@ -47,7 +47,7 @@ class Check:
 def _car() -> VehicleParameters:
     """The linear model's car: without load sensitivity, so that its axle stiffness is the tyre's."""
     car = VehicleParameters.preset("bmw-320i")
-    return car.with_(tyre=car.tyre.without_load_sensitivity())
+    return car.on_tyres(car.tyre.without_load_sensitivity())
 
 
 def _drive(

@@ -6,11 +6,11 @@ from dataclasses import astuple, dataclass, field
 import mujoco
 import numpy as np
 
-from sidestep.controller import SteeringController
 from sidestep.plant_models.mujoco.bodies import WHEELS, corners
 from sidestep.plant_models.mujoco.plant import MujocoPlant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.validation.judge.geometry import Array
+from sidestep.validation.geometry import Array
+from sidestep.validation.loop.closed_loop import open_controller
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.model_error.mujoco.checks import Check
 from sidestep.validation.scenarios.scenario import parse_scenario
@@ -58,7 +58,7 @@ def long_drive(seconds: float = 600.0) -> list[Check]:
     """
     scenario, s = parse_scenario(_SCENE, "closed-road"), 0.0
     path, log = scenario.path, _Log(np.array([corner.load for corner in corners(scenario.vehicle)]))
-    controller = SteeringController(scenario.vehicle, path, scenario.obstacles, scenario.controller)
+    controller = open_controller(scenario)
     with open_plant(scenario) as plant:
         assert isinstance(plant, MujocoPlant)
         state = plant.reset(scenario.start)

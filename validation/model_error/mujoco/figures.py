@@ -13,9 +13,9 @@ from sidestep.plant_models.mujoco.plant import MujocoPlant
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.tyres.contact import TYRE_MODES
-from sidestep.plant_models.tyres.formula import magic_formula
+from sidestep.plant_models.tyres.formula import lateral_force
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.judge.geometry import Array
+from sidestep.validation.geometry import Array
 from sidestep.validation.model_error.mujoco.rig import crab
 from sidestep.validation.report.style import BLUE, GREEN, INK, ORANGE, styled
 
@@ -27,7 +27,8 @@ def axle_forces() -> Figure:
     """Front axle force against slip angle at three speeds for the three tyres, the formula on top."""
     car = VehicleParameters.preset("bmw-320i")
     load, p, grid = corners(car)[0].load, car.tyre.as_array(), np.linspace(0.0, 12.0, 200)
-    formula = [2e-3 * magic_formula(0.0, math.radians(a), load, 1.0, p)[1] for a in grid]
+    scale = car.tyre_scale("front")
+    formula = [2e-3 * lateral_force(math.radians(a), load, 1.0, p, scale) for a in grid]
     with styled():
         figure = Figure(figsize=(11.0, 3.2), layout="constrained")
         panels = figure.subplots(1, 3, sharey=True)

@@ -11,12 +11,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.cli.console import row_name
+from sidestep.validation.console import row_name
 from sidestep.validation.loop.recording import SAMPLE_UNITS, Array, Recording, read_columns
-from sidestep.validation.manoeuvres.rating import Rating, rate
-from sidestep.validation.model_error.evidence import Evidence, Table
 from sidestep.validation.report.compare.comparison import Line, compared_top_view
 from sidestep.validation.report.compare.golden import PERIOD, TIME_TOLERANCE, TOLERANCES, funnel
+from sidestep.validation.report.compare.rating import Rating, rate
+from sidestep.validation.report.evidence import Evidence, Table
 from sidestep.validation.report.style import BLUE, FAINT, GREEN, ORANGE, PURPLE, RED, SKY, panel, styled
 from sidestep.validation.scenarios.scenario import Scenario, scenario_from_tables
 
@@ -119,7 +119,7 @@ def _rated(reference: StoredRun, other: StoredRun, signal: str) -> Rating | None
 
 
 def evidence(runs: Sequence[StoredRun], rated: Sequence[Pair], least: float | None = None) -> list[Evidence]:
-    """Paths, overlaid signals and ratings.
+    """What each run was worth, paths, overlaid signals and ratings.
 
     Args:
         runs: What is compared.
@@ -133,10 +133,16 @@ def evidence(runs: Sequence[StoredRun], rated: Sequence[Pair], least: float | No
     shape = f"± {heights} and {TIME_TOLERANCE:g} s"
     passed = None if least is None else all(pair.overall >= least for pair in rated)
     return [
+        Evidence("Verdicts of the runs", table=_verdicts(runs)),
         Evidence("Paths", figure=compared_top_view(runs[0].scenario, lines)),
         Evidence("Signals", f"Grey: the funnel about {runs[0].name}, {shape}.", overlays(lines)),
         Evidence("Ratings after ISO/TS 18571", _RATINGS, table=_table(rated, least), passed=passed),
     ]
+
+
+def _verdicts(runs: Sequence[StoredRun]) -> Table:
+    rows = tuple((run.name, run.summary["verdict"].upper(), run.summary["label"]) for run in runs)
+    return Table(("run", "verdict", "label"), rows)
 
 
 _RATINGS = (

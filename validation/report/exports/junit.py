@@ -6,6 +6,7 @@ from typing import NamedTuple
 from xml.etree import ElementTree
 
 from sidestep.validation.files import write_text, written_file
+from sidestep.validation.judge.findings import Verdict
 
 
 class JunitCase(NamedTuple):
@@ -15,6 +16,13 @@ class JunitCase(NamedTuple):
     name: str
     failure: str = ""
     error: str = ""
+
+
+def judged_case(group: str, name: str, verdict: Verdict, text: str) -> JunitCase:
+    """A judged drive: one that shows nothing is an error, which no build server takes for a success."""
+    if verdict is Verdict.INCONCLUSIVE:
+        return JunitCase(group, name, error=f"inconclusive: {text}")
+    return JunitCase(group, name, "" if verdict is Verdict.PASS else text)
 
 
 def write_junit(file: Path, suite: str, cases: Sequence[JunitCase]) -> None:

@@ -11,12 +11,12 @@ from sidestep.fmu.importing.plant import FmuPlant
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.loop.open_loop import Response, drive
 from sidestep.validation.manoeuvres.catalogue import Manoeuvre, Ramp, RandomSteer
+from sidestep.validation.manoeuvres.open_loop import Response, drive
 from sidestep.validation.model_error.identification.identification import DRIVES, identify, ljung_box
 
 CAR = VehicleParameters.preset("bmw-320i")
-TRUTH = np.array([CAR.cornering_stiffness_front / 2, CAR.cornering_stiffness_rear / 2, CAR.yaw_inertia])
+TRUTH = np.array([CAR.cornering_stiffness_front, CAR.cornering_stiffness_rear, CAR.yaw_inertia])
 WRONG = CAR.with_(cornering_stiffness_front=90e3, cornering_stiffness_rear=140e3, yaw_inertia=1200.0)
 NOISE = {"yaw_rate": 0.001, "lateral_acceleration": 0.025}
 
@@ -61,8 +61,8 @@ def test_with_noise_within_a_percent_and_the_intervals_cover_the_truth():
 def test_yaw_rate_alone_is_refused_though_it_fits():
     found = identify(noisy(0), CAR, signals=("yaw_rate",))
     assert found.explained[0] > 0.99
-    assert "cannot be told apart: correlation" in found.problem
-    with pytest.raises(InputError, match="told apart"):
+    assert "cannot be separated: correlation" in found.problem
+    with pytest.raises(InputError, match="cannot be separated"):
         found.vehicle(CAR)
 
 

@@ -1,0 +1,1 @@
+"""The exact QP solver of the core: a dense dual active set, compiled, that allocates nothing."""

@@ -1,0 +1,14 @@
+"""Lateral speed against the planned path."""
+
+from sidestep.controller.mpc.prediction import SLOWEST
+from sidestep.plant_models.kernels import kernel
+
+
+@kernel
+def lateral_speed(row, k, dt, w, c):
+    """Residual e_phi - heading of the path of node k, weighted by `weight_lateral_speed` v^2; see `costs.offset`."""
+    v = max(w.speed[k], SLOWEST)
+    w.residual[row] = w.free[k, 1] - w.heading[k]
+    w.weight[row] = dt * w.firmness[k] * c.weights.lateral_speed * v * v
+    for q in range(c.grid.block[k] + 1):
+        w.gradient[row, q] = w.response[k, 1, q]
