@@ -81,3 +81,40 @@ def test_a_change_asks_for_its_own_tests():
     assert tests_of(["controller/validity.py"]) == ["tests/controller/test_validity.py"]
     assert tests_of(["tests/test_imports.py", "tests/stored_runs.py"]) == ["tests/test_imports.py"]
     assert "tests/controller/can_port/test_can_port.py" in tests_of(["controller/can_port/port.py"])
+
+
+@pytest.fixture(scope="module")
+def mutate():
+    return runpy.run_path(str(ROOT / "tools" / "mutate.py"))
+
+
+def test_mutants_change_one_token_of_behaviour_each(mutate):
+    text = 'def f(a: int | None, *rest, b=2):\n    """a < b."""\n    return -a * b if not a <= 0.5 and rest else a\n'
+    changed = {mutant.applied(text).split(":", 1)[1] for mutant in mutate["mutants_of"]("f.py", text)}
+    lines = {"".join(change.splitlines(keepends=True)[-1:]).strip() for change in changed} - {text.splitlines()[-1][4:]}
+    assert lines == {
+        "return  a * b if not a <= 0.5 and rest else a",
+        "return -a / b if not a <= 0.5 and rest else a",
+        "return -a * b if   a <= 0.5 and rest else a",
+        "return -a * b if not a < 0.5 and rest else a",
+        "return -a * b if not a > 0.5 and rest else a",
+        "return -a * b if not a <= 1.0 and rest else a",
+        "return -a * b if not a <= 0.5 or rest else a",
+    }
+    assert len(changed) == len(lines) + 1  # and the default
+
+
+def test_listed_mutants_stand_where_the_list_says_and_their_tests_are_there(mutate):
+    """`tools/mutate.py list` says whether they die."""
+    table = mutate["read_table"]()
+    for entry in table["mutants"]:
+        text = (ROOT / entry["file"]).read_text(encoding="utf-8")
+        assert text.count(entry["before"]) == 1, entry["name"]
+        file, _, name = entry["test"].partition("::")
+        assert f"def {name}" in (ROOT / file).read_text(encoding="utf-8"), entry["name"]
+
+
+def test_rooms_of_the_list_have_files_and_tests(mutate):
+    for name, room in mutate["read_table"]()["rooms"].items():
+        assert mutate["files_of"](room), name
+        assert all((ROOT / test).exists() for test in room["tests"]), name

@@ -189,7 +189,8 @@ def test_a_car_that_is_held_up_does_not_turn_into_the_one_beside_it():
     beside, wall = Obstacle(-1.0, -1.2, 4.5, 1.8, speed=4.0), Obstacle(45.0, 2.0, 1.0, 7.0)
     config = ControllerConfig(width_left=5.0, width_right=6.0)
     controller = SteeringController(BMW, ROAD, (beside, wall), config)
-    controller._held_up, controller._sides = True, np.array([1, 0])
+    m = controller._memory
+    m["held_up"], m["obstacles"], m["ids"][0, :1], m["sides"][0, :1] = True, 1, 0, 1
     controller.step(VehicleState(y=1.4, v_x=15.0))
     assert controller.plan.sides[0] == 1
     assert controller.plan.slack_corridor < 0.5

@@ -28,7 +28,7 @@ from sidestep.controller.mpc.active_set.lines import (
     set_normal,
 )
 from sidestep.controller.mpc.stack import SLACK_UNIT
-from sidestep.plant_models.kernels import bare_kernel
+from sidestep.plant_models.kernels import Record, bare_kernel
 
 SOLVED, INFEASIBLE, EXHAUSTED, INVALID = 0, 1, 2, 3
 """Optimum; hard bounds that contradict each other; more iterations than allowed; not finite, or P not positive."""
@@ -41,7 +41,7 @@ NEGLIGIBLE = 1e-12
 
 
 @bare_kernel
-def solve(p, result, limit, w):
+def solve(p: Record, result: Record, limit: int, w: Record) -> tuple[int, int]:
     """Solve a problem, beginning with the active bounds that `result` holds.
 
     Args:
@@ -76,15 +76,15 @@ def _begin(p, result, warm, total, w):
     n, slacks, lines, variables = w.moves, w.slacks, p.count, total - w.width
     if warm > 0:
         for s in range(slacks):
-            w.flags[variables + n + s] = 0
+            w.held[variables + n + s] = 0
         for c in range(min(warm, n + slacks)):
             s = -1 - result.active[c] - lines - n
             if 0 <= s < slacks:
-                w.flags[variables + n + s] = LOWER
+                w.held[variables + n + s] = LOWER
     count, last = 0, slacks
     for s in range(slacks):
         scale = 1.0 / math.sqrt(w.curvature[s])
-        if w.flags[variables + n + s]:
+        if w.held[variables + n + s]:
             w.R[count, :] = 0.0
             w.R[count, count] = scale
             w.active[count], w.u[count] = ~(variables + n + s), w.price[s]
@@ -107,7 +107,7 @@ def _add_earlier(p, result, warm, count, total, w):
             continue
         i = w.place[number]
         side, bound = (UPPER, w.high[i]) if upper else (LOWER, w.low[i])
-        if w.flags[i] & side or not abs(bound) < np.inf or count == n + slacks:
+        if w.held[i] & side or not abs(bound) < np.inf or count == n + slacks:
             continue
         set_normal(p, i if upper else ~i, total, w)
         square, fresh = project(n + slacks, count, w)

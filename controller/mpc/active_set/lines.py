@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from sidestep.controller.records import PADDING
-from sidestep.plant_models.kernels import bare_kernel
+from sidestep.plant_models.kernels import Record, bare_kernel
 
 LOWER, UPPER = 1, 2
 """Flags of a line whose bounds are active."""
@@ -18,7 +18,7 @@ TOLERANCE = 1e-10
 
 
 @bare_kernel
-def load(p, w):
+def load(p: Record, w: Record) -> int:
     """Lines that have a bound, as columns, and the variables, with their values; slack bounds active.
 
     Returns:
@@ -38,7 +38,7 @@ def load(p, w):
             for q in range(n):
                 w.columns[q, count] = p.slopes[i, q]
             w.low[count], w.high[count], w.excess[count] = low, high, 1.0 if s < slacks else 0.0
-            w.flags[count], w.line[count], w.place[i] = 0, i, count
+            w.held[count], w.line[count], w.place[i] = 0, i, count
             count += 1
     while s < slacks:
         w.edges[s] = count
@@ -83,7 +83,7 @@ def _load_variables(p, rows, w):
     for s in range(slacks):
         i = rows + n + s
         w.line[i], w.place[lines + n + s] = lines + n + s, i
-        w.low[i], w.flags[i], w.active[s], w.u[s] = 0.0, LOWER, ~i, w.price[s]
+        w.low[i], w.held[i], w.active[s], w.u[s] = 0.0, LOWER, ~i, w.price[s]
         finite += 0.0 * w.price[s]
         if not (w.price[s] >= 0.0 and 0.0 < w.curvature[s] < np.inf):
             return False
@@ -93,11 +93,11 @@ def _load_variables(p, rows, w):
 @bare_kernel
 def _leave_empty(i, w):
     """A place that no bound has."""
-    w.low[i], w.high[i], w.value[i], w.weight[i], w.excess[i], w.flags[i] = -np.inf, np.inf, 0.0, 1.0, 0.0, 0
+    w.low[i], w.high[i], w.value[i], w.weight[i], w.excess[i], w.held[i] = -np.inf, np.inf, 0.0, 1.0, 0.0, 0
 
 
 @bare_kernel
-def most_violated(p, total, w):
+def most_violated(p: Record, total: int, w: Record) -> int:
     """Bound with the largest violation, as distance: i if upper, ~i if lower; NONE if all are kept."""
     n, begin = w.moves, 0
     for s in range(w.slacks + 1):
@@ -112,13 +112,13 @@ def most_violated(p, total, w):
         if excess > TOLERANCE and excess * w.weight[i] > worst:
             lower = w.low[i] - w.value[i] > w.value[i] - w.high[i]
             bound, side = (w.low[i], LOWER) if lower else (w.high[i], UPPER)
-            if excess > TOLERANCE * (1.0 + abs(bound)) and not w.flags[i] & side:
+            if excess > TOLERANCE * (1.0 + abs(bound)) and not w.held[i] & side:
                 worst, found = excess * w.weight[i], ~i if lower else i
     return found
 
 
 @bare_kernel
-def set_normal(p, code, total, w):
+def set_normal(p: Record, code: int, total: int, w: Record) -> float:
     """Normal of a bound, so that normal'x >= what is given back."""
     n, variables, sign = w.moves, total - w.width, 1.0 if code < 0 else -1.0
     i = ~code if code < 0 else code
@@ -136,7 +136,7 @@ def set_normal(p, code, total, w):
 
 
 @bare_kernel
-def advance(p, total, w):
+def advance(p: Record, total: int, w: Record) -> None:
     """Move by `step`, values included."""
     variables = total - w.width
     for q in range(w.width):
@@ -149,7 +149,7 @@ def advance(p, total, w):
 
 
 @bare_kernel
-def evaluate(p, total, w):
+def evaluate(p: Record, total: int, w: Record) -> None:
     """Values of all lines and variables, without what has gathered in rounding."""
     variables = total - w.width
     w.value[:variables] = 0.0

@@ -124,3 +124,11 @@ def test_standing_car_is_not_observed():
     for k in range(20):
         still.step(replace(VehicleState(), time=k * PERIOD, steer_angle=0.01))
     assert still._memory["disturbance"].tolist() == [(0.0, 0.0, 0.0, 0.0)]
+
+
+def test_wheels_that_are_still_on_their_way_are_no_offset():
+    """A command that jumps farther than the actuator can follow: what lacks for now is its speed, not its angle."""
+    jump = 0.1
+    on_the_way = int(0.8 * jump / (BMW.steer_rate_limit * PERIOD))
+    assert on_the_way > 5
+    assert abs(learned((0.0, 0.0, 0.0), 50 * [0.0] + on_the_way * [jump])[0]) < 5e-4

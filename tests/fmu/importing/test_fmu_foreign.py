@@ -1,6 +1,7 @@
 """FMUs by somebody else: driven by a mapping file alone, estimated, isolated, checked."""
 
 import math
+from dataclasses import astuple
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from sidestep.fmu.importing.estimation import Estimator
 from sidestep.fmu.importing.mapping import OUTPUTS, Mapping
 from sidestep.fmu.importing.plant import FmuPlant
 from sidestep.fmu.native.build import build_fmu
+from sidestep.fmu.native.plants import find_model, model_values
 from sidestep.fmu.native.platforms import compile_library
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.linear.plant import LinearPlant
@@ -130,6 +132,28 @@ def test_position_of_another_point_becomes_that_of_the_centre_of_gravity(foreign
     with FmuPlant.from_file(foreign[0], rear) as plant:
         state = plant.reset(START)
     assert (state.x, state.y) == pytest.approx((CAR.l_r * math.cos(3.1), CAR.l_r * math.sin(3.1)))  # the car cannot
+
+
+def test_motion_of_another_point_becomes_that_of_the_centre_of_gravity(foreign):
+    """What is reported as speeds is how the reported position moves, whichever point of the body the FMU tells of."""
+    for ahead in (-CAR.l_r, 0.0, CAR.l_f):
+        mapping = Mapping.from_text(f"reference_point = {ahead}\n" + FOREIGN_MAP)
+        with FmuPlant.from_file(foreign[0], mapping) as plant:
+            plant.reset(VehicleState(v_x=15.0))
+            rows = slalom(plant, 150, 0.01)
+        yaw, v_x, v_y, yaw_rate = 0.5 * (rows[51:] + rows[50:-1]).T[3:7]
+        east, north = (np.diff(rows[50:, 1:3], axis=0) / 0.01).T
+        assert np.abs(yaw_rate).max() > 0.2
+        assert np.abs(east * np.cos(yaw) + north * np.sin(yaw) - v_x).max() < 0.01
+        assert np.abs(north * np.cos(yaw) - east * np.sin(yaw) - v_y).max() < 0.01
+
+
+def test_a_start_is_that_of_the_centre_of_gravity_whichever_point_is_set():
+    values = model_values(find_model("single-track"), CAR, 1.0)
+    with FmuPlant(build_fmu(), Mapping(parameters=values, reference_point=-CAR.l_r)) as plant:
+        asked = VehicleState(0.0, 2.0, 3.0, 0.4, 15.0, 0.1, 0.3, 0.01)
+        assert astuple(plant.reset(asked)) == pytest.approx(astuple(asked))
+        assert plant._signals["v_y"] == pytest.approx(0.1 - CAR.l_r * 0.3)  # the rear swings out
 
 
 def test_pedals_follow_the_speed_control(tmp_path):

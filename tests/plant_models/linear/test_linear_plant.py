@@ -45,7 +45,7 @@ def test_at_constant_speed_it_is_the_papers_model(speed):
 
 def test_pose_speed_and_steering_against_an_independent_integration():
     """Everything at once, below the rate limit: lag of the steering, speed change, turning."""
-    car = replace(BMW, steer_rate_limit=1e3)
+    car = replace(BMW, steer_rate_limit=100.0)
     start = VehicleState(1.0, 5.0, -3.0, 0.5, 14.0, 0.1, 0.05, -0.01)
 
     def rates(_, state):
