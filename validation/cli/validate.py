@@ -4,6 +4,7 @@ import argparse
 import time
 from contextlib import nullcontext
 from pathlib import Path
+from typing import Any
 
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.cli.arguments import add_jobs, refuse_beside
@@ -17,13 +18,21 @@ def add_validate(commands: argparse._SubParsersAction) -> None:
     only.add_argument("--manoeuvre", metavar="NAME", help="run this one only; see --manoeuvres")
     only.add_argument("--manoeuvres", action="store_true", help="list them")
     only.add_argument("--checks", action="store_true", help="only the MuJoCo car's own checks")
+    _add_log(validate)
+    validate.add_argument(
+        "--identified",
+        type=Path,
+        metavar="FILE.json",
+        help="of --log: what `identify --log` wrote; else this log is split",
+    )
     validate.add_argument("--quick", action="store_true", help="fewer cells")
     add_jobs(validate)
     validate.add_argument("--out", type=Path, metavar="DIR", help="default: runs/<time>-validate")
     validate.add_argument("--junit", type=Path, metavar="FILE", help="also write every verdict as a test case")
     validate.set_defaults(command=_validate)
-    identify = commands.add_parser("identify", help="a plant's cornering stiffnesses and yaw inertia")
+    identify = commands.add_parser("identify", help="a car's parameters, from a plant or a measured log")
     _add_plant(identify, "single-track")
+    _add_log(identify)
     identify.add_argument(
         "--out", type=Path, default=Path("vehicle.toml"), metavar="FILE", help="default: %(default)s"
     )  # fmt: skip
@@ -33,11 +42,26 @@ def add_validate(commands: argparse._SubParsersAction) -> None:
 def _add_plant(parser: argparse.ArgumentParser, plant: str) -> None:
     kinds = "linear, single-track, double-track, mujoco, an .fmu file, or MODULE:FACTORY; default: %(default)s"
     parser.add_argument("--plant", default=plant, metavar="PLANT", help=kinds)
-    parser.add_argument("--map", type=Path, metavar="MAP.toml", help="mapping file of an FMU that is not ours")
+    parser.add_argument("--map", type=Path, metavar="MAP.toml", help="mapping file of an FMU or a log that is not ours")
+    parser.set_defaults(default_plant=plant)
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
         help="as of `run`, of vehicle and plant: vehicle.file=car.toml, plant.stiffness=0.9; may be repeated",
     )  # fmt: skip
+
+
+def _add_log(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--log",
+        type=Path,
+        metavar="FILE",
+        help="a measured log instead of a plant: .csv, .mf4, .parquet, or CAN frames",
+    )
+
+
+def _refuse_beside_log(options: argparse.Namespace, others: dict[str, Any]) -> None:
+    plant = None if options.plant == options.default_plant else options.plant
+    refuse_beside("--log", {"--plant": plant} | others)
 
 
 def _validate(options: argparse.Namespace) -> int:
@@ -52,6 +76,16 @@ def _validate(options: argparse.Namespace) -> int:
 
         refuse_beside("--manoeuvres", given | cells | changes)
         return list_manoeuvres()
+    if options.log is not None:
+        from sidestep.validation.model_error.measured.commands import validate_log
+
+        only = {"--manoeuvre": options.manoeuvre, "--checks": options.checks, "--junit": options.junit}
+        _refuse_beside_log(options, only | cells)
+        folder = options.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-validate"
+        return validate_log(
+            options.log, options.map, options.identified, options.overrides, folder, options.command_line
+        )  # fmt: skip
+    refuse_beside("--plant", {"--identified": options.identified})
     check_file(options.junit, "--junit")
     out = options.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-validate"
     overrides = [*options.overrides, *plant_overrides(options)]
@@ -96,6 +130,11 @@ def _identify(options: argparse.Namespace) -> int:
     from sidestep.validation.manoeuvres.scene import open_loop_scenario
     from sidestep.validation.model_error.identification.identify import identify_plant
 
+    if options.log is not None:
+        from sidestep.validation.model_error.measured.commands import identify_from_log
+
+        _refuse_beside_log(options, {"--set": options.overrides})
+        return identify_from_log(options.log, options.map, options.out, options.command_line)
     overrides = [*options.overrides, *plant_overrides(options)]
     warn(plant_doubts(open_loop_scenario(overrides, noisy=True)))
     return identify_plant(overrides, options.out, options.command_line)

@@ -1,0 +1,1 @@
+"""Measured logs of real cars: files, names, units, rates, gaps."""

@@ -1,0 +1,1 @@
+"""Measured logs held against the models: scores, envelope, replay, report."""
