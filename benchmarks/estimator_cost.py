@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 from sidestep.controller.perception.estimator import StateEstimator
 from sidestep.controller.perception.filter_history import step, tell
 from sidestep.controller.perception.state_estimator import (
-    LATERAL, MEASUREMENT, STATES, STEER, V_X, X, YAW, YAW_RATE,
+    LATERAL,
+    MEASUREMENT,
+    STATES,
+    STEER,
+    V_X,
+    YAW,
+    YAW_RATE,
+    X,
 )  # fmt: skip
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 

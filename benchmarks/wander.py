@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sidestep.controller import ControllerConfig, SteeringController
+from sidestep.controller import SteeringController
 from sidestep.controller.perception.estimator import EstimatorConfig, Measurement, StateEstimator
 from sidestep.plant_models.signals import VehicleState
 from sidestep.validation.loop.plants import open_plant

@@ -12,7 +12,16 @@ from sidestep.controller.memory import packed, unpacked
 from sidestep.controller.mpc.car_model import Car, least_slope
 from sidestep.controller.perception.filter_history import look, step, tell
 from sidestep.controller.perception.state_estimator import (
-    BIAS, ESTIMATE, ESTIMATOR, FILTER, LATERAL, MEASUREMENT, NAMES, SIGNAL_NAMES, SLOTS, STATES,
+    BIAS,
+    ESTIMATE,
+    ESTIMATOR,
+    FILTER,
+    LATERAL,
+    MEASUREMENT,
+    NAMES,
+    SIGNAL_NAMES,
+    SLOTS,
+    STATES,
 )  # fmt: skip
 from sidestep.controller.records import CAR, filled, record
 from sidestep.plant_models.ranges import Range, check
@@ -60,8 +69,8 @@ class EstimatorConfig:
             acceleration.
         position_walk, yaw_walk, v_x_walk, v_y_walk, yaw_rate_walk, steer_walk: What the model does not know of the
             motion: standard deviation of the random walk that each state does in a second.
-        force_doubt: What the tyre law does not know of an axle's force, as a share of it: standard deviation of the random
-            walk of the momentum it gives in a second.
+        force_doubt: What the tyre law does not know of an axle's force, as a share of it: standard deviation of the
+            random walk of the momentum it gives in a second.
         free_steer_walk: That of the steering angle where no command is known.
         bias_walk, offset_walk, share_walk: That of the yaw-rate bias, of both steering offsets, of the lateral force.
         start_v_y, start_bias, start_offset, start_share: Standard deviations before anything is known.

@@ -10,7 +10,18 @@ import math
 from sidestep.controller.mpc.car_model import tangent
 from sidestep.controller.mpc.prediction import tyre_lag
 from sidestep.controller.perception.state_estimator import (
-    ACTUATOR, BIAS, SENSOR, SHARE, STATES, STEER, V_X, V_Y, X, Y, YAW, YAW_RATE,
+    ACTUATOR,
+    BIAS,
+    SENSOR,
+    SHARE,
+    STATES,
+    STEER,
+    V_X,
+    V_Y,
+    YAW,
+    YAW_RATE,
+    X,
+    Y,
 )  # fmt: skip
 from sidestep.plant_models.kernels import bare_kernel
 from sidestep.plant_models.linear.plant import steered

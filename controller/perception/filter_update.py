@@ -4,7 +4,19 @@ import math
 
 from sidestep.controller.perception.filter_motion import balance, sliding, touch
 from sidestep.controller.perception.state_estimator import (
-    BIAS, LATERAL, SENSOR, SHARE, SIGNALS, STATES, STEER, V_X, V_Y, X, Y, YAW, YAW_RATE,
+    BIAS,
+    LATERAL,
+    SENSOR,
+    SHARE,
+    SIGNALS,
+    STATES,
+    STEER,
+    V_X,
+    V_Y,
+    YAW,
+    YAW_RATE,
+    X,
+    Y,
 )  # fmt: skip
 from sidestep.plant_models.kernels import bare_kernel
 from sidestep.plant_models.vehicle.parameters import GRAVITY
@@ -73,7 +85,7 @@ def _spread(P, w):
 
 @bare_kernel
 def _correct(now, innovation, spread, variance, w):
-    """x += K innovation, P = (1 - K row) P (1 - K row)' + K variance K'."""
+    """X += K innovation, P = (1 - K row) P (1 - K row)' + K variance K'."""
     P, gain, column = now.P, w.gain, w.column
     for i in range(STATES):
         gain[i] = column[i] / (spread + variance)
