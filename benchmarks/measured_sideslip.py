@@ -24,7 +24,7 @@ CAR = VehicleParameters.preset(
     "bmw-320i", mass=982.0, yaw_inertia=1160.0, l_f=1.33, l_r=1.07, length=4.1, width=1.7, tyre=TYRE
 )
 CONFIG = EstimatorConfig(
-    v_x_noise=0.05, yaw_rate_noise=0.01, steer_noise=0.001, lateral_noise=2.0,  # bumps, not white
+    v_x_noise=0.05, yaw_rate_noise=0.01, steer_noise=0.001, lateral_noise=2.0,  # bumps are not white
     v_x_walk=3.0, v_y_walk=0.6, yaw_rate_walk=0.1, force_doubt=0.0, free_steer_walk=0.3, share_walk=0.005,
     start_bias=0.005, start_offset=0.005,
     front_stiffness=0.92, rear_stiffness=1.24,
@@ -58,8 +58,8 @@ def report(name: str, errors: Array, deviations: Array) -> None:
     print(
         f"{name}: {len(errors)} rows, sideslip RMS error {np.degrees(np.sqrt(np.mean(errors**2))):.3f} deg,"
         f" largest {np.degrees(np.abs(errors).max()):.2f} deg, mean standard deviation"
-        f" {np.degrees(deviations.mean()):.3f} deg, within two of them"
-        f" {100 * np.mean(np.abs(errors) < 2 * deviations):.1f} %"
+        f" {np.degrees(deviations.mean()):.3f} deg,"
+        f" within two of them {100 * np.mean(np.abs(errors) < 2 * deviations):.1f} %"
     )
 
 

@@ -23,7 +23,7 @@ SIGNAL_NAMES = (*NAMES[:LATERAL], "lateral_acceleration")
 SLOTS = 64
 """Room for the records of the last half second, vehicle signals and late poses together: 128 a second."""
 
-F, N, B = np.float64, np.int64, np.int8
+F, N, SMALL = np.float64, np.int64, np.int8
 
 MEASUREMENT = np.dtype([("time", F), ("pose_time", F), ("z", F, (SIGNALS,))], align=True)
 """What sensors say, NaN where they say nothing: signals `z` at `time`, of which x, y and yaw are of `pose_time` if that
@@ -31,7 +31,7 @@ is not NaN."""
 
 SLOT = np.dtype(
     [
-        ("time", F), ("z", F, (SIGNALS,)), ("verdict", B, (SIGNALS,)), ("command", F), ("acceleration", F),
+        ("time", F), ("z", F, (SIGNALS,)), ("verdict", SMALL, (SIGNALS,)), ("command", F), ("acceleration", F),
         ("steer_rate", F), ("tangents", F, (4,)), ("lag", F), ("x", F, (STATES,)), ("P", F, (STATES, STATES)),
     ],
     align=True,
@@ -60,23 +60,22 @@ ESTIMATOR = np.dtype(
     ],
     align=True,
 )  # fmt: skip
-"""Settings that hold for a drive: standard deviation of each signal; of each state's random walk in a second, and of
-the steering angle's where no command is known; of an axle force in a second, as a share of itself [sqrt(s)]; of v_y
-[m/s] and yaw rate [rad/s] about the rolling car's at low speed; of each state at the start; chi-square gates of one and
-two degrees; misfits in a row after which a sensor is believed; lateness that is still used [s]; least slopes of the
-axle forces [N/rad]; slope of front and rear axle force over that of its tyres; accelerometer ahead of the reference
-point [m]; speeds between which the rolling car becomes the sliding one [m/s]."""
+"""Settings that hold for a drive: standard deviation of each signal; of each state's random walk in a second, of the
+steering angle's where no command is known, of an axle force as a share of itself [sqrt(s)]; of v_y [m/s] and yaw rate
+[rad/s] about the rolling car's at low speed; of each state at the start; chi-square gates of one and two degrees;
+misfits in a row after which a sensor is believed; lateness that is still used [s]; least slopes of the axle forces
+[N/rad]; slope of front and rear axle force over that of its tyres; accelerometer ahead of the reference point [m];
+limit of the steering angle [rad]; speeds between which the rolling car becomes the sliding one [m/s]."""
 
 FILTER = np.dtype(
     [
-        ("transition", F, (STATES, STATES)), ("product", F, (STATES, STATES)), ("x", F, (STATES,)),
-        ("noise", F, (STATES,)), ("row", F, (STATES,)), ("gain", F, (STATES,)), ("column", F, (STATES,)),
-        ("mass", F, (2, 2)), ("jacobian", F, (2, 2)), ("force", F, (2,)), ("axle", F, (2,)),
-        ("by_steer", F, (2,)), ("by_speed", F, (2,)),
+        ("transition", F, (STATES, STATES)), ("product", F, (STATES, STATES)),
+        *((name, F, (STATES,)) for name in ("x", "noise", "row", "gain", "column")),
+        ("mass", F, (2, 2)), ("jacobian", F, (2, 2)),
+        *((name, F, (2,)) for name in ("force", "axle", "by_steer", "by_speed")),
     ],
     align=True,
 )  # fmt: skip
-"""Work space, nothing in it lasts: transition of the states, its product with P, state before, noise added; row of a
-measurement, its gain and P times the row; mass times change of (v_y, yaw rate) = force, and its
-derivatives by these two, steering angle and v_x; axle forces
-[N]."""
+"""Work space, nothing in it lasts: transition of the states, its product with P; state before, noise added; row of a
+measurement, its gain, P times the row; mass times change of (v_y, yaw rate) = force, axle forces [N], derivatives of
+the force by these two, steering angle and v_x."""
