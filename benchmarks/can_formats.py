@@ -68,12 +68,13 @@ def row(name: str, folder: Path) -> list[str]:
         wanted = side * (math.tan(angle) / 2.8 if command.curvature else math.degrees(angle) * quantity.ratio)
         if "rad" in (signal.unit or "") and not command.curvature:
             wanted = math.radians(wanted)
-        got = float(values[quantity.signal])
+        got = float(str(values[quantity.signal]))
         if quantity.sign and values[quantity.sign.signal] == quantity.sign.negative:
             got = -got
         worst = max(worst, abs(got - (wanted if enable else 0.0)) / abs(signal.scale))
         flags += decode_steer_command(data, 0.0, message).enable is enable
         if rule:
+            assert rule.calc_checksum
             accepted += rule.calc_checksum(message.frame_id, rule, bytearray(data)) == values[rule.name]
         if message.profile.checksum:
             flipped = bytearray(data)
@@ -81,8 +82,9 @@ def row(name: str, folder: Path) -> list[str]:
             flipped[bit // 8] ^= 1 << bit % 8
             refused += message.profile.counter_of(flipped) is None
     share = f"{accepted} of {COUNT}" if rule else "no rule in its parser"
-    return [name, f"0x{message.frame_id:X}", f"{worst:.3f}", f"{flags} of {COUNT}", share,
-            f"{refused} of {COUNT}" if message.profile.checksum else "no checksum", "lenient" if bus.remarks else ""]  # fmt: skip
+    checksum = f"{refused} of {COUNT}" if message.profile.checksum else "no checksum"
+    read = "lenient" if bus.remarks else ""
+    return [name, f"0x{message.frame_id:X}", f"{worst:.3f}", f"{flags} of {COUNT}", share, checksum, read]
 
 
 def main() -> None:

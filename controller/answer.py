@@ -8,7 +8,7 @@ from sidestep.controller.mpc.prediction import SLOWEST, sampled
 from sidestep.controller.mpc.roll import roll_ahead
 from sidestep.controller.mpc.unconstrained import line_value
 from sidestep.controller.records import SLACKS, STATES
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Record, kernel
 from sidestep.plant_models.signals import Status
 from sidestep.plant_models.speed_control import SPEED_GAIN
 
@@ -22,7 +22,7 @@ TRACKING, DEGRADED, BLOCKED, FAULT = (int(status) for status in Status)
 
 
 @kernel
-def take(m, w, c, solved):
+def take(m: Record, w: Record, c: Record, solved: bool) -> None:
     """States along the moves of `z`, and how far they leave the soft bounds."""
     grid = c.grid
     for i in range(STATES):
@@ -48,7 +48,7 @@ def take(m, w, c, solved):
 
 
 @kernel
-def answer(m, w, c, state, solved):
+def answer(m: Record, w: Record, c: Record, state: Record, solved: bool) -> None:
     """Fill the plan and the command.
 
     Args:
@@ -108,7 +108,7 @@ def _speed(m, w, c, v):
 
 
 @kernel
-def fall_back(m, c, now, solver_status, failed):
+def fall_back(m: Record, c: Record, now: float, solver_status: int, failed: bool) -> None:
     """The last good plan shifted to now; when that is too old, hold the angle and slow down.
 
     Args:

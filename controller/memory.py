@@ -1,4 +1,4 @@
-"""What a controller keeps from step to step, as bytes: one record under a header that says what it is."""
+"""What is kept from step to step, as bytes: one record under a header that says what it is."""
 
 import struct
 import zlib
@@ -25,29 +25,43 @@ def empty(cruise: float) -> NDArray[np.void]:
     return memory
 
 
-def saved(memory: NDArray[np.void]) -> bytes:
-    """The record's bytes under a header with version, checksum and size."""
-    data = memory.tobytes()
-    return _HEADER.pack(_NAME, VERSION, zlib.crc32(data), len(data)) + data
+def packed(kept: NDArray[np.void], name: bytes, version: int) -> bytes:
+    """A record's bytes under a header with name (8 bytes), version, checksum and size."""
+    data = kept.tobytes()
+    return _HEADER.pack(name, version, zlib.crc32(data), len(data)) + data
 
 
-def restored(data: bytes) -> NDArray[np.void]:
-    """The record that `saved` made bytes of.
+def unpacked(data: bytes, dtype: np.dtype, name: bytes, version: int) -> NDArray[np.void]:
+    """The record, shape (1,), that `packed` made bytes of.
 
     Raises:
         InputError: The bytes are of something else, of another version, or damaged.
     """
-    allowed = f"{_HEADER.size + MEMORY.itemsize} bytes of version {VERSION}, as `save` gives them"
+    allowed = f"{_HEADER.size + dtype.itemsize} bytes of version {version}, as `save` gives them"
     if len(data) < _HEADER.size:
         raise InputError("memory", f"{len(data)} bytes", allowed)
-    name, version, checksum, size = _HEADER.unpack_from(data)
+    found, of, checksum, size = _HEADER.unpack_from(data)
     body = data[_HEADER.size :]
-    if name != _NAME or version != VERSION:
-        raise InputError("memory", f"of {name!r}, version {version}", allowed)
-    if size != MEMORY.itemsize or len(body) != size:
+    if found != name or of != version:
+        raise InputError("memory", f"of {found!r}, version {of}", allowed)
+    if size != dtype.itemsize or len(body) != size:
         raise InputError("memory", f"{len(data)} bytes", allowed)
     if zlib.crc32(body) != checksum:
         raise InputError("memory", "the checksum is wrong: the bytes are damaged", allowed)
-    memory = record(MEMORY)
-    memory[:] = np.frombuffer(body, MEMORY)
-    return memory
+    kept = record(dtype)
+    kept[:] = np.frombuffer(body, dtype)
+    return kept
+
+
+def saved(memory: NDArray[np.void]) -> bytes:
+    """The memory's bytes, for `restored`."""
+    return packed(memory, _NAME, VERSION)
+
+
+def restored(data: bytes) -> NDArray[np.void]:
+    """The memory that `saved` made bytes of.
+
+    Raises:
+        InputError: The bytes are of something else, of another version, or damaged.
+    """
+    return unpacked(data, MEMORY, _NAME, VERSION)

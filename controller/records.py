@@ -8,7 +8,6 @@ import numpy as np
 from numba.core import config
 from numpy.typing import NDArray
 
-from sidestep.controller.decision.lattice import LAYERS
 from sidestep.plant_models.tyres.parameters import TYRE
 
 STATES = 6
@@ -22,6 +21,8 @@ PADDING, WIDTH = 16, 32
 LINES = 2 * NODES + 2 * SLIP_NODES + MOVES
 DELAYS = 64
 """Room for commands on their way."""
+LAYERS = 60
+"""Of the lattice over the road."""
 OBSTACLES = 64
 """Most obstacles that count in a step, the nearest first."""
 PROFILE = 128

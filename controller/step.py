@@ -17,7 +17,7 @@ from sidestep.controller.mpc.unconstrained import solve_freely
 from sidestep.controller.perception.locate import locate
 from sidestep.controller.records import STATES
 from sidestep.controller.validity import slip_limits
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Array, Record, Records, kernel
 
 TRUSTED_SLIP = 0.05
 """Excess over the slip bound, in [rad], from which on a prediction is nothing to take tangents at: they would only
@@ -35,7 +35,7 @@ MOST_TURNS, FASTEST_TURN = 1e6, 20.0
 
 
 @kernel
-def usable(m, state):
+def usable(m: Record, state: Record) -> bool:
     """Whether a state is newer than the last one and may be a car's; what is no number never is."""
     placed = abs(state.x) < FARTHEST and abs(state.y) < FARTHEST and abs(state.yaw) < MOST_TURNS
     moves = BACKWARDS < state.v_x < FASTEST and abs(state.v_y) < FASTEST and abs(state.yaw_rate) < FASTEST_TURN
@@ -43,7 +43,7 @@ def usable(m, state):
 
 
 @kernel
-def look_back(m, w, c, state):
+def look_back(m: Record, w: Record, c: Record, state: Record) -> None:
     """What the last good plan predicted; the present state for ever, if there is none to be trusted."""
     n = c.grid.nodes
     good = m.plans[max(m.good, 0)]
@@ -57,7 +57,9 @@ def look_back(m, w, c, state):
 
 
 @kernel
-def prepare(memory, settings, table, period, boxes, states, work):
+def prepare(
+    memory: Records, settings: Records, table: Array, period: float, boxes: Array, states: Records, work: Records
+) -> int:
     """The first half of a step: locate, decide, bound, condense, and solve without bounds.
 
     Args:
@@ -92,7 +94,7 @@ def prepare(memory, settings, table, period, boxes, states, work):
 
 
 @kernel
-def finish(memory, settings, states, work, solved):
+def finish(memory: Records, settings: Records, states: Records, work: Records, solved: bool) -> None:
     """The second half: predict with the moves found, choose the speed, answer; fall back if they are none."""
     m, c, w, state = memory[0], settings[0], work[0], states[0]
     if not c.grid.literal:
@@ -101,7 +103,9 @@ def finish(memory, settings, states, work, solved):
 
 
 @kernel
-def begin(memory, settings, table, period, boxes, states, work):
+def begin(
+    memory: Records, settings: Records, table: Array, period: float, boxes: Array, states: Records, work: Records
+) -> int:
     """A step as far as it goes without a solver; arguments as of `prepare`.
 
     Returns:
@@ -114,7 +118,9 @@ def begin(memory, settings, table, period, boxes, states, work):
 
 
 @kernel
-def step(memory, settings, table, period, boxes, states, work):
+def step(
+    memory: Records, settings: Records, table: Array, period: float, boxes: Array, states: Records, work: Records
+) -> int:
     """A whole step, with the active set as solver; arguments and result as of `begin`."""
     done = prepare(memory, settings, table, period, boxes, states, work)
     if done == BOUNDED and solve_with_bounds(memory[0], work[0], settings[0]):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sidestep.controller.config import ControllerConfig
 from sidestep.controller.mpc.car_model import axle_force
 from sidestep.plant_models.errors import InputError
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Record, kernel
 from sidestep.plant_models.vehicle.parameters import GRAVITY
 
 Array = NDArray[np.float64]
@@ -77,7 +77,7 @@ class Validity:
 
 
 @kernel
-def slip_limits(speed, w, c):
+def slip_limits(speed: float, w: Record, c: Record) -> None:
     """Bounds of front and rear slip angle at a speed [m/s], within what the prediction is valid for, in [rad].
 
     Args:

@@ -16,6 +16,13 @@ import llvmlite
 import numba
 import numpy as np
 from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Records = NDArray[np.void]
+"""Records of one structure; kernels take one as an array of shape (1,)."""
+Record = Any
+"""One record, or a named tuple with its fields: kernels reach them by name."""
 
 _PACKAGES = Path(__file__).resolve().parents[1]  # the folder whose import name is `sidestep`
 _IMPORT = re.compile(r"^\s*from sidestep((?:\.\w+)*) import (\([^)]*\)|.*)", re.MULTILINE)

@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 
 from sidestep.controller import ControllerConfig
-from sidestep.controller.decision.lattice import LAYERS
 from sidestep.controller.mpc.grid import grid
-from sidestep.controller.records import SLACKS
+from sidestep.controller.records import LAYERS, SLACKS
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])

@@ -21,6 +21,9 @@ Verdict = Literal["pass", "fail", "inconclusive"]
 FAIL_SAFE = (ActuatorState.STANDBY, ActuatorState.RAMP_TO_ZERO, ActuatorState.FAULT)
 """States in which the actuator does not do what the controller asks for, but what is safe."""
 
+TOO_LATE = 0.05
+"""Lateness of a command that no actuator bridges, in [s]."""
+
 _BURST = 20.0  # frames that may come at once after as many cycles without one, or be too many
 
 
@@ -50,6 +53,7 @@ class CommandRecord:
         lost: Commands that the alive counter says were lost.
         longest_silence: Longest time without an accepted command, in [s].
         silent_at_end: Time since the last one, in [s].
+        unheard_at_end: Time since the last intact command, accepted or not, in [s].
         hold_age: What the actuator bridges, in [s].
         senders: 2 if there must have been more than one, else 1.
         strangers: Frames that came from elsewhere under an identifier of this node.
@@ -63,6 +67,7 @@ class CommandRecord:
     lost: int
     longest_silence: float
     silent_at_end: float
+    unheard_at_end: float
     hold_age: float
     senders: int
     strangers: int = 0
@@ -80,7 +85,8 @@ class CommandRecord:
             "seconds_in": {state.name: seconds for state, seconds in self.seconds_in.items()},
             "checks": {status.value: count for status, count in self.checks.items()},
             "implausible": self.implausible, "lost": self.lost, "longest_silence_s": self.longest_silence,
-            "silent_at_end_s": self.silent_at_end, "senders": self.senders, "strangers": self.strangers,
+            "silent_at_end_s": self.silent_at_end,
+            "unheard_at_end_s": self.unheard_at_end, "senders": self.senders, "strangers": self.strangers,
             "blocked": self.blocked,
         }  # fmt: skip
 
@@ -102,6 +108,7 @@ class CommandWatch:
     _began: float = -inf
     _time: float = -inf
     _heard: float = -inf
+    _intact: float = -inf
     _silence: float = 0.0
     _surplus: float = 0.0  # frames beyond one a cycle
 
@@ -110,7 +117,8 @@ class CommandWatch:
         self._states.clear()
         self._checks = Counter(self.actuator.channel.receiver.counts)
         self._before = self.actuator.implausible, self.actuator.channel.receiver.lost, self.actuator.blocked
-        self._began, self._heard, self._silence, self.several_senders = time, time, 0.0, False
+        self._began = self._heard = self._intact = time
+        self._silence, self.several_senders = 0.0, False
 
     def see(self, time: float, commands: Sequence[bytes | bytearray]) -> None:
         """Take in a cycle at `time`, in [s], after the actuator's step."""
@@ -124,6 +132,7 @@ class CommandWatch:
         twofold = len(intact) < message.profile.counters and len(set(intact)) > len({counter for counter, _ in intact})
         if self._surplus > _BURST or twofold:
             self.several_senders = True
+        self._intact = time if intact else self._intact
         self._states[self.actuator.state] += 1
         if (asked := self.actuator.asked) and asked.time > self._heard:
             self._silence, self._heard = max(self._silence, asked.time - self._heard), asked.time
@@ -143,6 +152,7 @@ class CommandWatch:
             lost=receiver.lost - self._before[1],
             longest_silence=max(self._silence, silent),
             silent_at_end=silent,
+            unheard_at_end=max(0.0, self._time - self._intact),
             hold_age=self.actuator.hold_age,
             senders=1 + self.several_senders,
             strangers=strangers,
@@ -158,8 +168,10 @@ def findings(record: CommandRecord) -> tuple[Finding, ...]:
         (record.senders > 1, "second sender", "inconclusive", "more commands than one controller can have sent"),
         (record.strangers > 0, "second sender", "inconclusive",
          f"{record.strangers} frames from elsewhere under identifiers of the vehicle"),
-        (record.silent_at_end > record.hold_age, "controller silent", "fail",
+        (record.unheard_at_end > record.hold_age, "controller silent", "fail",
          f"no command for the last {record.silent_at_end:.2f} s"),
+        (record.unheard_at_end <= record.hold_age < record.silent_at_end, "commands not accepted", "fail",
+         f"none in the last {record.silent_at_end:.2f} s: the channel is not VALID again"),
         (record.implausible > 0, "implausible commands", "inconclusive",
          f"{record.implausible} intact commands that cannot have been meant"),
         (record.blocked > 0, "blocked by the interface", "fail",
@@ -181,12 +193,14 @@ class StateRecord:
         stale: Time with nothing to steer by between states, in [s].
         checks: Outcomes of the frame checks of all its messages.
         strangers: Frames that came from elsewhere under an identifier of this node.
+        late: By how much the latest of its own cycles was late, in [s].
     """
 
     left: bool
     stale: float
     checks: Mapping[CheckStatus, int]
     strangers: int = 0
+    late: float = 0.0
 
 
 def state_findings(record: StateRecord) -> tuple[Finding, ...]:
@@ -196,6 +210,7 @@ def state_findings(record: StateRecord) -> tuple[Finding, ...]:
         (record.strangers > 0, "second sender", "inconclusive",
          f"{record.strangers} frames from elsewhere under identifiers of the controller"),
         (not record.left, "vehicle silent", "fail", "the vehicle fell silent and had not said that it leaves"),
+        (record.late > TOO_LATE, "controller late", "fail", f"a cycle came {record.late:.2f} s late"),
         (record.stale > 0.0, "nothing to steer by", "fail", f"no usable state for {record.stale:.2f} s on the way"),
         (wrong > 0, "wrong sequence", "inconclusive", f"{wrong} frames out of sequence"),
         (corrupt > 0, "corrupt frames", "inconclusive", f"{corrupt} frames with a wrong CRC or length"),

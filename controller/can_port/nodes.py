@@ -139,14 +139,15 @@ class ControllerNode:
             self._steering.pause()
         return self._answer(_STOP)
 
-    def record(self, strangers: int = 0) -> StateRecord:
+    def record(self, strangers: int = 0, late: float = 0.0) -> StateRecord:
         """What there is to say of the vehicle.
 
         Args:
             strangers: Frames from elsewhere under an identifier of this node.
+            late: By how much the latest of its cycles was late, in [s].
         """
         checks = sum((Counter(channel.receiver.counts) for channel in self.listener.channels.values()), Counter())
-        return StateRecord(not self.listener.said_valid, self.gap_cycles * CYCLE, checks, strangers)
+        return StateRecord(not self.listener.said_valid, self.gap_cycles * CYCLE, checks, strangers, late)
 
     def leave(self) -> list[Frame]:
         """The last frames: enable = 0."""

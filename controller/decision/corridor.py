@@ -5,10 +5,13 @@ Stations are relative to the car's s. An obstacle is a convex polygon of eight r
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sidestep.plant_models.kernels import kernel
+from sidestep.controller.decision.view import View
+from sidestep.plant_models.kernels import Array, Record, kernel
 
 FIRST_CORRIDOR_TIME = 0.1
 """Earlier nodes get no corridor rows, in [s]: steering cannot move the car by a millimetre by then."""
@@ -17,7 +20,7 @@ NOTICED = 0.01
 
 
 @kernel
-def obstacle_polygons(boxes, curvature):
+def obstacle_polygons(boxes: Array, curvature: Array) -> Array:
     """Outline of boxes in the road frame.
 
     Args:
@@ -42,7 +45,7 @@ def obstacle_polygons(boxes, curvature):
 
 
 @kernel
-def lateral_interval(polygon, shift, start, end):
+def lateral_interval(polygon: Array, shift: float, start: float, end: float) -> tuple[float, float]:
     """Smallest and largest l of a polygon between two stations.
 
     Args:
@@ -68,39 +71,72 @@ def lateral_interval(polygon, shift, start, end):
     return low, high
 
 
+class Way(NamedTuple):
+    """Queries along a path, each of shape (N,).
+
+    Attributes:
+        stations, times: Centre of each query, in [m], and when the car is there, from now, in [s].
+        reach: The query covers stations -+ reach, in [m].
+        direction, bend: Of the car's path there and its curvature, both against the road, in [rad] and [1/m]: an
+            obstacle that begins or ends within the reach bounds the car where it does, and that bound is carried to the
+            station along the path.
+    """
+
+    stations: Array
+    times: Array
+    reach: Array
+    direction: Array
+    bend: Array
+
+
+class Motion(NamedTuple):
+    """How the car will move, each of shape (N,).
+
+    Attributes:
+        stations, times, reach, direction: See `Way`, of the centre of gravity.
+        turn: Curvature of the predicted path gamma / v, in [1/m].
+        curvature: Of the road at the stations, in [1/m].
+    """
+
+    stations: Array
+    times: Array
+    reach: Array
+    direction: Array
+    turn: Array
+    curvature: Array
+
+
 @kernel
-def corridor_bounds(stations, times, reach, buffer, direction, bend, polygons, speeds, sides, right_edge, left_edge):
+def corridor_bounds(
+    way: Way, view: View, sides: NDArray[np.int64], edges: tuple[float, float], buffer: float
+) -> tuple[Array, Array]:
     """Free lateral interval at stations, Eq. (13) without the half width and buffer.
 
     Args:
-        stations: Centre of each query, shape (N,), in [m].
-        times: When the car is there, from now, shape (N,), in [s].
-        reach: The query covers stations -+ reach, shape (N,), in [m].
-        buffer: Added to obstacles at both ends, in [m].
-        direction, bend: Of the car's path there and its curvature, both against the road, shape (N,), in [rad] and
-            [1/m]: an obstacle that begins or ends within the reach bounds the car where it does, and that bound is
-            carried to the station along the path.
-        polygons, speeds: Obstacles, shapes (M, 8, 2) and (M,), in [m] and [m/s].
+        way: Where it is asked for.
+        view: Obstacles.
         sides: +1 where the car passes on the obstacle's left, -1 on its right, 0 ignores it; shape (M,).
-        right_edge, left_edge: Road edges as l, in [m].
+        edges: Right and left edge of the road as l, in [m].
+        buffer: Added to obstacles at both ends, in [m].
 
     Returns:
         right and left boundary, each of shape (N,), in [m].
     """
-    right = np.full(stations.shape[0], right_edge)
-    left = np.full(stations.shape[0], left_edge)
-    for m in range(polygons.shape[0]):
+    stations, reach = way.stations, way.reach
+    right, left = np.full(stations.shape[0], edges[0]), np.full(stations.shape[0], edges[1])
+    for m in range(sides.shape[0]):
         if sides[m] == 0:
             continue
-        begin, end = polygons[m, :, 0].min() - buffer, polygons[m, :, 0].max() + buffer
+        polygon = view.polygons[m]
+        begin, end = polygon[:, 0].min() - buffer, polygon[:, 0].max() + buffer
         for k in range(stations.shape[0]):
-            shift = speeds[m] * times[k]
+            shift = view.speeds[m] * way.times[k]
             away = max(begin + shift - stations[k], 0.0) + min(end + shift - stations[k], 0.0)
             if abs(away) > reach[k]:
                 continue
             wide = reach[k] + buffer
-            low, high = lateral_interval(polygons[m], shift, stations[k] - wide, stations[k] + wide)
-            carried = (direction[k] + 0.5 * bend[k] * away) * away
+            low, high = lateral_interval(polygon, shift, stations[k] - wide, stations[k] + wide)
+            carried = (way.direction[k] + 0.5 * way.bend[k] * away) * away
             if sides[m] > 0:
                 right[k] = max(right[k], high - carried)
             else:
@@ -109,36 +145,32 @@ def corridor_bounds(stations, times, reach, buffer, direction, bend, polygons, s
 
 
 @kernel
-def footprint_bounds(stations, times, reach, buffer, levers, clearance, direction, turn, curvature, polygons, speeds,
-                     sides, right_edge, left_edge):  # fmt: skip
+def footprint_bounds(
+    motion: Motion, view: View, sides: NDArray[np.int64], edges: tuple[float, float], buffer: float, grid: Record
+) -> Array:
     """Bounds on l + lever e_phi of the car's centre line at two ends of its footprint, Eq. (13).
 
     Where a box corner slides along the turning car between its ends it comes closer by up to
     turn (front + rear)^2 / 8 on the inner side; the bounds there are tightened by that much.
 
     Args:
-        stations: Predicted stations of the car, relative, shape (N,), in [m].
-        times: Of those, from now, shape (N,), in [s].
-        reach, buffer, direction: See `corridor_bounds`.
-        levers: Front end (positive) and rear end (negative) from the centre of gravity, in [m].
-        clearance: Half width plus buffer, shape (N,), in [m].
-        turn: Curvature of the predicted path gamma / v, shape (N,), in [1/m].
-        curvature: Of the road at the stations, shape (N,), in [1/m].
-        polygons, speeds, sides, right_edge, left_edge: See `corridor_bounds`.
+        motion: Of the car.
+        view, sides, edges, buffer: See `corridor_bounds`.
+        grid: Record of `GRID`: `levers`, front end (positive) and rear end (negative) from the centre of gravity, in
+            [m], and `clearance`, half width plus buffer, shape (N,), in [m].
 
     Returns:
         right and left at the front, right and left at the rear, shape (4, N), in [m].
     """
-    bounds, bend = np.empty((4, stations.shape[0])), turn - curvature
+    n, levers, clearance = motion.stations.shape[0], grid.levers, grid.clearance
+    bounds, bend = np.empty((4, n)), motion.turn - motion.curvature
     for end in range(2):
         lever = levers[end]
-        right, left = corridor_bounds(
-            stations + lever, times, reach, buffer, direction + lever * bend, bend, polygons, speeds, sides, right_edge,
-            left_edge,
-        )  # fmt: skip
-        for k in range(stations.shape[0]):
-            inner = turn[k] * (levers[0] - levers[1]) ** 2 / 8.0
-            bow = 0.5 * curvature[k] * lever * lever
+        way = Way(motion.stations + lever, motion.times, motion.reach, motion.direction + lever * bend, bend)
+        right, left = corridor_bounds(way, view, sides, edges, buffer)
+        for k in range(n):
+            inner = motion.turn[k] * (levers[0] - levers[1]) ** 2 / 8.0
+            bow = 0.5 * motion.curvature[k] * lever * lever
             low = right[k] + clearance[k] + max(-inner, 0.0) + bow
             high = left[k] - clearance[k] - max(inner, 0.0) + bow
             if low > high:
@@ -148,7 +180,7 @@ def footprint_bounds(stations, times, reach, buffer, levers, clearance, directio
 
 
 @kernel
-def excess_over(w, grid):
+def excess_over(w: Record, grid: Record) -> tuple[float, float]:
     """How far a prediction leaves its corridor.
 
     Args:
@@ -173,7 +205,7 @@ def excess_over(w, grid):
 
 
 @kernel
-def path_reference(stations, offsets, queries, span):
+def path_reference(stations: Array, offsets: Array, queries: Array, span: float) -> tuple[Array, Array]:
     """Offset of the planned path and its mean slope over -+ span.
 
     Args:

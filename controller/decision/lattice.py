@@ -7,10 +7,10 @@ does not flicker; their spacing grows with speed, which makes (8) a bound on lat
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Array, kernel
 
-LAYERS = 60
 SPACING_TIME = 1.0 / 15.0
 MIN_SPACING = 0.5
 LATERAL_STEP = 0.08
@@ -18,13 +18,13 @@ TIE = 1e-9
 
 
 @kernel
-def layer_spacing(speed):
+def layer_spacing(speed: float) -> float:
     """Distance between layers at a speed in [m/s], in [m]."""
     return max(MIN_SPACING, SPACING_TIME * round(max(speed, 1.0)))
 
 
 @kernel
-def arrival_times(stations, speed, cruise, acceleration):
+def arrival_times(stations: Array, speed: float, cruise: float, acceleration: float) -> Array:
     """When a car that goes back to its cruising speed is at stations ahead, from now, in [s].
 
     A car that follows a slow one would pass for free if it were taken to stay as slow as it is.
@@ -50,7 +50,9 @@ def arrival_times(stations, speed, cruise, acceleration):
 
 
 @kernel
-def shortest_path(cost, first_weight, weight, reach, start, start_reach, home):
+def shortest_path(
+    cost: Array, first_weight: float, weight: float, reach: int, start: float, start_reach: float, home: float
+) -> tuple[NDArray[np.int64], float]:
     """Path of least cost through all layers, exactly.
 
     Args:

@@ -7,24 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sidestep.controller.config import ControllerConfig
-from sidestep.controller.decision.corridor import corridor_bounds, lateral_interval
-from sidestep.controller.decision.lattice import LATERAL_STEP, LAYERS, arrival_times, layer_spacing, shortest_path
+from sidestep.controller.decision.corridor import Way, corridor_bounds, lateral_interval
+from sidestep.controller.decision.costs import Lattice, node_costs
+from sidestep.controller.decision.lattice import LATERAL_STEP, arrival_times, layer_spacing, shortest_path
 from sidestep.controller.decision.stopping import GRIP_SHARE
-from sidestep.plant_models.kernels import kernel
+from sidestep.controller.decision.view import View
+from sidestep.controller.records import LAYERS
+from sidestep.plant_models.kernels import Record, kernel
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 
 FREE, GAP_TOO_NARROW = -1, -2
-NEAR_COST, BLOCKED_COST, COLLISION_COST = 1e2, 1e4, 1e6
-COMMITMENT_TIME, COMMITMENT = 2.5, 50.0
-"""Time to reach an obstacle, in [s], from which on changing its side costs this many times more: nothing but a
-blocked way is a reason then."""
-APPROACH_SHARE, RETURN_SHARE = 0.03, 0.25
-"""Share of cost (10) up to the last obstacle on the reference, as there is no use in returning to what must be left
-again, and on the way back from there, which so takes its time."""
-RETURN_TIME = 1.5
-"""Time for the way back, in [s] per root of the way in [m]: the same lateral acceleration from any offset."""
-FAR_SHARE = 1e-4
-"""Share of the price of what a car that stops will not reach."""
 PLANNER_REACH = 0.3
 """Stretch of road that the planner checks to both sides of a station, in lengths of the car."""
 
@@ -98,132 +90,71 @@ class PlannedPath(NamedTuple):
     settled: float
 
 
-@kernel
-def _way_back(last, speed, polygons, speeds, p):
-    """Stations up to `last` where the car has passed what is on the reference, and where it is back on it, in [m]."""
-    passed, settled = 0.0, 0.0
-    for m in range(polygons.shape[0]):
-        low, high = polygons[m, :, 1].min(), polygons[m, :, 1].max()
-        aside = p.half_width + p.buffer + min(p.reference - low, high - p.reference)
-        if aside > 0.5 * LATERAL_STEP and speed > speeds[m]:
-            behind = speed / (speed - speeds[m]) * (polygons[m, :, 0].max() + p.rear)
-            if behind < last:
-                passed = max(passed, behind)
-                settled = max(settled, behind + RETURN_TIME * math.sqrt(aside) * speed)
-    return passed, settled
+class Start(NamedTuple):
+    """Where the search begins.
 
-
-@kernel
-def node_costs(stations, times, offsets, speed, polygons, speeds, committed, certain, p):
-    """Costs (10) and (12) of every node, and the price of what is in the way.
-
-    Args:
-        stations, times: Layers [m] and when the car is there, from now [s], shape (S,).
-        offsets: Lateral nodes, shape (L,), in [m].
-        speed: Of the car, in [m/s].
-        polygons, speeds: Obstacles, shapes (M, 8, 2) and (M,).
-        committed: Passing side kept from before, 0 for none, shape (M,).
-        certain: Stations beyond which the car may stop before it meets an obstacle, shape (M,), in [m].
-        p: PlannerSettings.
-
-    Returns:
-        Shape (S, L); entries >= BLOCKED_COST lie within half width and buffer of an obstacle that is met. And the
-        station from which on the car is back on the reference.
-    """
-    cost = np.zeros((stations.shape[0], offsets.shape[0]))
-    passed, settled = _way_back(stations[-1], speed, polygons, speeds, p)
-    half_step = 0.5 * LATERAL_STEP
-    hard = p.half_width + p.buffer
-    soft = hard + p.tightening + p.margin_time * speed
-    for m in range(polygons.shape[0]):
-        begin, end = polygons[m, :, 0].min(), polygons[m, :, 0].max()
-        low_all, high_all = polygons[m, :, 1].min(), polygons[m, :, 1].max()
-        near = begin - p.front < COMMITMENT_TIME * (speed - speeds[m])
-        change = p.hysteresis * (COMMITMENT if near else 1.0)
-        for i in range(stations.shape[0]):
-            half_layer = 0.5 * (stations[min(i + 1, stations.shape[0] - 1)] - stations[max(i - 1, 0)]) * 0.5
-            shift = speeds[m] * times[i]
-            along = max(begin + shift - stations[i] - p.reach, stations[i] - p.reach - end - shift, 0.0)
-            if along > p.safe_distance + half_layer:
-                continue
-            share = 1.0 if stations[i] <= certain[m] else FAR_SHARE
-            reach = half_layer + p.reach
-            low, high = lateral_interval(polygons[m], shift, stations[i] - reach, stations[i] + reach)
-            inside = low <= high
-            if not inside:
-                low, high = low_all, high_all
-            for j in range(offsets.shape[0]):
-                gap = max(low - offsets[j], offsets[j] - high, 0.0)
-                across = max(gap - soft, 0.0)
-                if along * along + across * across < p.safe_distance**2:
-                    distance = math.sqrt(along * along + across * across)
-                    cost[i, j] += p.weight_obstacle * (p.safe_distance - distance) ** 2
-                if inside:
-                    if gap < soft:
-                        cost[i, j] += NEAR_COST
-                    if gap < hard - half_step:
-                        cost[i, j] += share * BLOCKED_COST
-                    if gap < p.half_width - half_step:
-                        cost[i, j] += share * COLLISION_COST
-                    if committed[m] * (offsets[j] - 0.5 * (low + high)) < 0.0:
-                        cost[i, j] += change
-    for i in range(stations.shape[0]):
-        share = APPROACH_SHARE if stations[i] < passed else RETURN_SHARE if stations[i] < settled else 1.0
-        for j in range(offsets.shape[0]):
-            cost[i, j] += share * p.weight_reference * (offsets[j] - p.reference) ** 2
-    return cost, settled
-
-
-@kernel
-def plan_path(station, offset, speed, cruise, polygons, speeds, committed, certain, p):
-    """Search the best path from the car on and the corridor around it.
-
-    Args:
+    Attributes:
         station, offset: s and l of the car, in [m].
         speed, cruise: Present speed, and the one to go back to, in [m/s].
-        polygons, speeds: Obstacles relative to the car, shapes (M, 8, 2) and (M,), in [m] and [m/s].
-        committed: Passing sides kept from the step before, 0 for none, shape (M,).
-        certain: See `node_costs`.
-        p: PlannerSettings.
-
-    Returns:
-        PlannedPath.
     """
-    pace, spacing = max(speed, 1.0), layer_spacing(speed)
-    first = (math.floor(station / spacing + 1.5)) * spacing - station
-    stations = first + spacing * np.arange(LAYERS)
+
+    station: float
+    offset: float
+    speed: float
+    cruise: float
+
+
+@kernel
+def _lateral_nodes(p):
+    """Offsets of the nodes, counted from the reference so that the path can lie on it, and whether there are none."""
     hard = p.half_width + p.buffer
-    # counted from the reference, so that the path can lie on it
     lowest = math.ceil((p.right_edge + hard - p.reference) / LATERAL_STEP)
     highest = math.floor((p.left_edge - hard - p.reference) / LATERAL_STEP)
     narrow = lowest > highest
     if narrow:
         lowest = highest = round((0.5 * (p.right_edge + p.left_edge) - p.reference) / LATERAL_STEP)
-    offsets = p.reference + LATERAL_STEP * np.arange(lowest, highest + 1)
+    return p.reference + LATERAL_STEP * np.arange(lowest, highest + 1), lowest, narrow
 
-    times = arrival_times(stations, speed, cruise, p.acceleration)
-    cost, settled = node_costs(stations, times, offsets, pace, polygons, speeds, committed, certain, p)
-    start = (offset - p.reference) / LATERAL_STEP - lowest
+
+@kernel
+def _search(start, first, spacing, nodes, lowest, cost, p):
+    """The lateral node of each layer, and the cost of all, under (8)."""
+    pace, count = max(start.speed, 1.0), nodes.offsets.shape[0]
+    begin = (start.offset - p.reference) / LATERAL_STEP - lowest
     slope = min(p.max_slope, p.max_lateral_speed / pace)
     reach = max(int(slope * spacing / LATERAL_STEP + 1e-9), 1)
-    outside = max(-start, start - (highest - lowest), 0.0)
-    start_reach = max(slope * first / LATERAL_STEP, 1.0) + outside
+    outside = max(-begin, begin - (count - 1), 0.0)
+    begin_reach = max(slope * first / LATERAL_STEP, 1.0) + outside
     weight = p.weight_continuity * (LATERAL_STEP * pace) ** 2
-    home = float(-lowest)
-    nodes, least = shortest_path(cost, weight / first**2, weight / spacing**2, reach, start, start_reach, home)
+    return shortest_path(cost, weight / first**2, weight / spacing**2, reach, begin, begin_reach, float(-lowest))
 
-    path_stations = np.empty(LAYERS + 1)
-    path = np.empty(LAYERS + 1)
-    path_stations[0], path[0] = 0.0, offset
-    path_stations[1:], path[1:] = stations, offsets[nodes]
-    path_times = np.zeros(LAYERS + 1)
-    path_times[1:] = times
-    sides, blocker, blocked_from = _passing_sides(path_stations, path_times, path, polygons, speeds, p)
+
+@kernel
+def plan_path(start: Start, view: View, p: Record) -> PlannedPath:
+    """Search the best path from the car on and the corridor around it.
+
+    Args:
+        start: Where the car is, and how fast.
+        view: Obstacles relative to the car.
+        p: PlannerSettings.
+    """
+    spacing = layer_spacing(start.speed)
+    first = (math.floor(start.station / spacing + 1.5)) * spacing - start.station
+    offsets, lowest, narrow = _lateral_nodes(p)
+    stations = first + spacing * np.arange(LAYERS)
+    times = arrival_times(stations, start.speed, start.cruise, p.acceleration)
+    nodes = Lattice(stations, times, offsets)
+    cost, settled = node_costs(nodes, max(start.speed, 1.0), view, p)
+    chosen, least = _search(start, first, spacing, nodes, lowest, cost, p)
+
+    path_stations, path_times, path = np.zeros(LAYERS + 1), np.zeros(LAYERS + 1), np.empty(LAYERS + 1)
+    path_stations[1:], path_times[1:], path[0], path[1:] = stations, times, start.offset, offsets[chosen]
+    sides, blocker, blocked_from = _passing_sides(path_stations, path_times, path, view, p)
     path[max(blocked_from, 1) :] = path[max(blocked_from, 1) - 1]  # stay where it is free until then
-    right, left = corridor_bounds(
-        path_stations, path_times, np.full(LAYERS + 1, p.reach), 0.0, np.zeros(LAYERS + 1), np.zeros(LAYERS + 1),
-        polygons, speeds, sides, p.right_edge, p.left_edge,
-    )  # fmt: skip
+    straight = np.zeros(LAYERS + 1)
+    way = Way(path_stations, path_times, np.full(LAYERS + 1, p.reach), straight, straight)
+    right, left = corridor_bounds(way, view, sides, (p.right_edge, p.left_edge), 0.0)
+    hard = p.half_width + p.buffer
     right, left = right + hard, left - hard
     room = float(path_stations[max(min(blocked_from, LAYERS) - 1, 0)])
     if blocker < 0:
@@ -237,8 +168,9 @@ def plan_path(station, offset, speed, cruise, polygons, speeds, committed, certa
 
 
 @kernel
-def _passing_sides(stations, times, path, polygons, speeds, p):
+def _passing_sides(stations, times, path, view, p):
     """Side on which the path passes each obstacle, what slows the car down most, and from where on it is blocked."""
+    polygons, speeds = view.polygons, view.speeds
     sides = np.zeros(polygons.shape[0], np.int64)
     blocker, least, blocked_from = FREE, math.inf, stations.shape[0]  # least speed that is allowed now
     reach = max(p.reach, 0.5 * (stations[2] - stations[1]))

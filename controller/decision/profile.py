@@ -3,7 +3,7 @@
 import math
 
 from sidestep.controller.records import PROFILE
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Array, Record, kernel
 from sidestep.plant_models.road.clothoid import curvature_at
 
 LEAST_VIEW, VIEW_TIME = 20.0, 2.0
@@ -15,7 +15,7 @@ STRAIGHT = 1e-6
 
 
 @kernel
-def profile(w, c, road, speed, cruise):
+def profile(w: Record, c: Record, road: tuple[Array, float], speed: float, cruise: float) -> bool:
     """Fill the speeds `profile_speed` at stations `profile_step` apart from the car on.
 
     Caps by bends, v^2 kappa <= a, and by what blocks the road are made drivable by a pass backwards with the braking
@@ -61,7 +61,7 @@ def _make_drivable(caps, step, speed, braking, acceleration):
 
 
 @kernel
-def drive_along(w, grid):
+def drive_along(w: Record, grid: Record) -> float:
     """Mean speed of each prediction step from the profile, into `speed`, and the mean over each group's steps.
 
     Returns:

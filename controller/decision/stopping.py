@@ -2,7 +2,7 @@
 
 import math
 
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Record, kernel
 from sidestep.plant_models.vehicle.parameters import GRAVITY
 
 SPEED_RESPONSE = 1.0
@@ -22,7 +22,7 @@ GAP_TIME = 2.0
 
 
 @kernel
-def approach_speed(distance, obstacle_speed, braking):
+def approach_speed(distance: float, obstacle_speed: float, braking: float) -> float:
     """Target speed at a distance before an obstacle.
 
     Braking at a constant rate towards the obstacle's speed, asked for early by the response time tau of a
@@ -43,14 +43,14 @@ def approach_speed(distance, obstacle_speed, braking):
 
 
 @kernel
-def spare_braking(lateral, friction):
+def spare_braking(lateral: float, friction: float) -> float:
     """Deceleration that the tyres have left beside a lateral acceleration; both in [m/s^2]."""
     grip = GRIP_SHARE * friction * GRAVITY
     return math.sqrt(max(grip * grip - lateral * lateral, LEAST_BRAKING**2))
 
 
 @kernel
-def squeezed_speed(excess, room, blocked, config):
+def squeezed_speed(excess: float, room: float, blocked: bool, config: Record) -> float:
     """Target speed for a prediction that leaves the corridor, in [m/s]; infinite if that is no reason to slow down.
 
     Args:

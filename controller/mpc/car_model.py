@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sidestep.controller.mpc.roll import Body
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Record, kernel
 from sidestep.plant_models.tyres.formula import cornering_stiffness, lateral_force
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 
@@ -69,7 +69,7 @@ class Car(NamedTuple):
 
 
 @kernel
-def axle_force(slip, stiffness, load, car, moved=0.0):
+def axle_force(slip: float, stiffness: float, load: float, car: Record, moved: float = 0.0) -> float:
     """Lateral force of an axle, in [N].
 
     Args:
@@ -89,13 +89,15 @@ def axle_force(slip, stiffness, load, car, moved=0.0):
 
 
 @kernel
-def least_slope(stiffness, load, car):
+def least_slope(stiffness: float, load: float, car: Record) -> float:
     """Slope that a tangent of an axle has at least, in [N/rad]; arguments as of `axle_force`."""
     return LEAST_SHARE * axle_force(SLOPE_STEP, stiffness, load, car) / SLOPE_STEP
 
 
 @kernel
-def tangent(slip, least, stiffness, load, car, moved=0.0):
+def tangent(
+    slip: float, least: tuple[float, float], stiffness: float, load: float, car: Record, moved: float = 0.0
+) -> tuple[float, float]:
     """Slope [N/rad], not below `least`, and force at zero slip [N] of the line that touches the axle's force.
 
     Arguments as of `axle_force`.
@@ -109,13 +111,13 @@ def tangent(slip, least, stiffness, load, car, moved=0.0):
 
 
 @kernel
-def slip_angles(beta, yaw_rate, steer, speed, car):
+def slip_angles(beta: float, yaw_rate: float, steer: float, speed: float, car: Record) -> tuple[float, float]:
     """Front and rear slip angle, in [rad], as in Eq. (2) and (3)."""
     return steer - beta - car.l_f * yaw_rate / speed, -beta + car.l_r * yaw_rate / speed
 
 
 @kernel
-def peak_slip(stiffness, load, car):
+def peak_slip(stiffness: float, load: float, car: Record) -> float:
     """Slip angle at which the Magic Formula of an axle peaks, in [rad]; 45 deg if it never falls again."""
     best, slip, scale = 0.0, 0.0, 0.5 * stiffness / cornering_stiffness(0.5 * load, car.tyre)
     while slip < 0.25 * math.pi:

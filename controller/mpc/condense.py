@@ -3,11 +3,11 @@
 from sidestep.controller.mpc.discretise import exponential, square
 from sidestep.controller.mpc.prediction import FRONT, RATE, REAR, TURN, model_block
 from sidestep.controller.records import STATES
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Record, kernel
 
 
 @kernel
-def condense(w, c):
+def condense(w: Record, c: Record) -> None:
     """States at the nodes as free response plus slope in the moves.
 
     Step k lasts period 2^level[k] at speed[k], uses move block[k] and the axle forces of group[k].

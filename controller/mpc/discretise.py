@@ -3,7 +3,7 @@
 import math
 
 from sidestep.controller.records import STATES
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Array, kernel
 
 WIDTH = 10
 """Columns of a generator: states, then the held inputs of `prediction`."""
@@ -32,7 +32,7 @@ def _multiply(a, b, identity, out):
 
 
 @kernel
-def exponential(a, dt, e, products):
+def exponential(a: Array, dt: float, e: Array, products: Array) -> None:
     """Upper rows of the exponential of [[a], [0]] dt by scaling, an eighth-order Taylor polynomial and squaring.
 
     The scaled norm stays below 1/4, which leaves a truncation error below 1e-11. The polynomial takes three
@@ -78,7 +78,7 @@ def exponential(a, dt, e, products):
 
 
 @kernel
-def square(e, product):
+def square(e: Array, product: Array) -> None:
     """Turn [A_k, B_k] into that of twice the step; `product` is work space, shape (6, 10)."""
     _multiply(e, e, 1.0, product)
     for i in range(STATES):

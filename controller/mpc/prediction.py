@@ -11,7 +11,7 @@ from sidestep.controller.mpc.car_model import axle_force, least_slope, slip_angl
 from sidestep.controller.mpc.discretise import WIDTH
 from sidestep.controller.mpc.roll import advance_roll, felt, lateral_acceleration
 from sidestep.controller.records import STATES
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Array, Record, kernel
 
 RATE, TURN, FRONT, REAR = 6, 7, 8, 9
 """Columns of the inputs."""
@@ -26,7 +26,7 @@ MOST_STEPS = 10_000
 
 
 @kernel
-def model_block(speed, slope_f, slope_r, car, a):
+def model_block(speed: float, slope_f: float, slope_r: float, car: Record, a: Array) -> None:
     """Generator of [x; w]: the upper rows of [[A, B], [0, 0]].
 
     Args:
@@ -55,7 +55,7 @@ def model_block(speed, slope_f, slope_r, car, a):
 
 
 @kernel
-def along_road(speed, curvature, offset, direction):
+def along_road(speed: float, curvature: float, offset: float, direction: float) -> float:
     """Speed along the reference of a car beside it, Eq. (1) with its denominator: v cos / (1 - kappa l), in [m/s].
 
     Args:
@@ -68,7 +68,7 @@ def along_road(speed, curvature, offset, direction):
 
 
 @kernel
-def tyre_lag(v, slopes, car):
+def tyre_lag(v: float, slopes: float, car: Record) -> float:
     """Time until forces follow slip, in [s].
 
     To first order that holds while it is short beside the car's own time constant, and matters there; below some
@@ -102,7 +102,7 @@ def _relax(a, v, slope_f, slope_r, car):
 
 
 @kernel
-def linearise(w, c):
+def linearise(w: Record, c: Record) -> None:
     """Axle forces as lines through the slip angles that an earlier prediction expects.
 
     Args:
@@ -122,13 +122,20 @@ def linearise(w, c):
 
 
 @kernel
-def least_slopes(car):
+def least_slopes(car: Record) -> tuple[float, float]:
     """Slopes that tangents of the front and the rear axle have at least, in [N/rad]."""
     return least_slope(car.stiffness_f, car.load_f, car), least_slope(car.stiffness_r, car.load_r, car)
 
 
 @kernel
-def touch(motion, rolled, speed, least, car, line):
+def touch(
+    motion: tuple[float, ...],
+    rolled: tuple[float, float],
+    speed: float,
+    least: tuple[float, float],
+    car: Record,
+    line: Array,
+) -> None:
     """Axle forces as lines that touch them at a motion of the car.
 
     Args:
@@ -166,7 +173,7 @@ def _between(rows, i, part, column):
 
 
 @kernel
-def sampled(rows, column, time, grid):
+def sampled(rows: Array, column: int, time: float, grid: Record) -> float:
     """A column of a prediction at a time from its start [s], held beyond its end; rows of shape (N + 1, ...)."""
     i, part = _place(grid, time)
     return _between(rows, i, part, column)
@@ -189,7 +196,16 @@ def _rates(x, feels, v, turn_rate, disturbance, command, car, rates):
 
 
 @kernel
-def advance(x, roll, motion, disturbance, command, period, car, work):
+def advance(
+    x: Array,
+    roll: Array,
+    motion: tuple[float, ...],
+    disturbance: Array | tuple[float, float],
+    command: float,
+    period: float,
+    car: Record,
+    work: Array,
+) -> None:
     """Simulate the nonlinear model through a command that is already on its way (RK4).
 
     Args:
@@ -224,7 +240,7 @@ def advance(x, roll, motion, disturbance, command, period, car, work):
 
 
 @kernel
-def steady_gain(speed, car):
+def steady_gain(speed: float, car: Record) -> float:
     """Steady lateral acceleration per road-wheel angle, v^2 / (L + K v^2), in [m/s^2/rad], of the linear car."""
     wheelbase = car.l_f + car.l_r
     understeer = car.mass / wheelbase * (car.l_r / car.stiffness_f - car.l_f / car.stiffness_r)

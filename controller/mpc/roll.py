@@ -10,7 +10,7 @@ import math
 from typing import NamedTuple
 
 from sidestep.plant_models.errors import InputError
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Array, Record, kernel
 from sidestep.plant_models.vehicle.parameters import AXLES, GRAVITY, VehicleParameters
 
 ROLL_STEP = 0.01
@@ -71,7 +71,7 @@ class Body(NamedTuple):
 
 
 @kernel
-def advance_roll(angle, rate, lateral, dt, body):
+def advance_roll(angle: float, rate: float, lateral: float, dt: float, body: Record) -> tuple[float, float]:
     """Roll angle [rad, to the right] and rate [rad/s] after `dt` [s] of lateral acceleration `lateral` [m/s^2]."""
     steps = math.ceil(dt / ROLL_STEP)
     for _ in range(steps):
@@ -83,7 +83,7 @@ def advance_roll(angle, rate, lateral, dt, body):
 
 
 @kernel
-def felt(angle, rate, body):
+def felt(angle: float, rate: float, body: Record) -> tuple[float, float, float]:
     """What the tyres feel.
 
     Returns:
@@ -95,7 +95,7 @@ def felt(angle, rate, body):
 
 
 @kernel
-def roll_ahead(now, grid, states, speed, body, roll):
+def roll_ahead(now: Array, grid: Record, states: Array, speed: float, body: Record, roll: Array) -> None:
     """Roll along a prediction.
 
     Args:
@@ -113,6 +113,6 @@ def roll_ahead(now, grid, states, speed, body, roll):
 
 
 @kernel
-def lateral_acceleration(before, now, speed, dt):
+def lateral_acceleration(before: Array, now: Array, speed: float, dt: float) -> float:
     """Mean lateral acceleration [m/s^2] between two states of `prediction`, shape (6,), `dt` [s] apart."""
     return speed * ((now[2] - before[2]) / dt + 0.5 * (now[3] + before[3]))

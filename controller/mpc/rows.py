@@ -10,14 +10,14 @@ import numpy as np
 from sidestep.controller.mpc.stack import SLACK_UNIT
 from sidestep.controller.mpc.unconstrained import line_value
 from sidestep.controller.records import SLACKS
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Array, Records, kernel
 
 NEAREST, RESERVE = 20, 12
 """Rows to begin with, and to add: another round costs more than twenty rows."""
 
 
 @kernel
-def fill_cost(work, moves, P, c):
+def fill_cost(work: Records, moves: int, P: Array, c: Array) -> None:
     """Copy the stacked cost into matrices of the solver's size."""
     w, size = work[0], moves + SLACKS
     for i in range(size):
@@ -27,7 +27,7 @@ def fill_cost(work, moves, P, c):
 
 
 @kernel
-def fill_rows(work, last, G, h_l, h_u):
+def fill_rows(work: Records, last: Array, G: Array, h_l: Array, h_u: Array) -> None:
     """Rows: the bounds nearest to the last solution and an empty reserve; all bounds if G has room for them.
 
     Args:
@@ -69,7 +69,7 @@ def _put_row(row, i, upper, w, G, h_u):
 
 
 @kernel
-def add_violated(work, used, tolerance, G, h_u):
+def add_violated(work: Records, used: int, tolerance: float, G: Array, h_u: Array) -> int:
     """Move violated bounds that have no row yet into the reserve.
 
     Args:

@@ -13,7 +13,7 @@ from sidestep.controller.mpc.limits.angle import angle
 from sidestep.controller.mpc.limits.corridor import corridor
 from sidestep.controller.mpc.limits.slip import slip
 from sidestep.controller.records import SLACKS
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Record, kernel
 
 SLACK_UNIT, SLACK_CURVATURE = 0.01, 1e3
 """Slack is counted in centimetres and hundredths of a radian: with all variables of one order PIQP needs no
@@ -26,7 +26,7 @@ TERMS = 3
 
 
 @kernel
-def stack_costs(w, c):
+def stack_costs(w: Record, c: Record) -> None:
     """Sum the cost terms into 1/2 z'Pz + q'z; Eq. (15).
 
     Args:
@@ -66,6 +66,6 @@ def _add_squares(count, w):
 
 
 @kernel
-def stack_limits(w, c):
+def stack_limits(w: Record, c: Record) -> None:
     """Fill the bounded lines; Eq. (16). Each limit takes the first free line and gives back the next one."""
     w.count = angle(slip(corridor(0, w, c), w, c), w, c)

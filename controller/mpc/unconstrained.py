@@ -1,11 +1,11 @@
 """The optimum without bounds: mostly it keeps them all, and is the optimum."""
 
 from sidestep.controller.records import SLACKS
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Record, kernel
 
 
 @kernel
-def solve_freely(w, c):
+def solve_freely(w: Record, c: Record) -> bool:
     """Optimum without bounds and slacks, by elimination: P is positive definite and needs no pivots.
 
     Args:
@@ -43,7 +43,7 @@ def solve_freely(w, c):
 
 
 @kernel
-def line_value(i, w, moves):
+def line_value(i: int, w: Record, moves: int) -> float:
     """Value of line i at the moves of `z`."""
     value = w.lines[i]
     for q in range(moves):

@@ -8,7 +8,7 @@ from sidestep.controller.mpc.prediction import advance, along_road
 from sidestep.controller.mpc.roll import advance_roll, lateral_acceleration
 from sidestep.controller.perception.observer import observe_disturbance
 from sidestep.controller.records import STATES
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Array, Record, kernel
 from sidestep.plant_models.road.clothoid import curvature_at, project_at
 
 OBSERVED_SPEED = 3.0
@@ -16,7 +16,7 @@ OBSERVED_SPEED = 3.0
 
 
 @kernel
-def locate(m, w, c, road, state):
+def locate(m: Record, w: Record, c: Record, road: tuple[Array, float], state: Record) -> None:
     """Station, prediction state and roll at the time when the next command takes effect.
 
     Args:
@@ -69,7 +69,7 @@ def _observe(m, w, c, state):
 
 
 @kernel
-def turned(angle):
+def turned(angle: float) -> float:
     """An angle less its whole turns, in [rad]."""
     return angle - math.tau * np.rint(angle / math.tau)
 

@@ -12,7 +12,7 @@ import math
 from sidestep.controller.mpc.car_model import axle_force, slip_angles
 from sidestep.controller.mpc.prediction import SLOWEST, tyre_lag
 from sidestep.controller.mpc.roll import felt, lateral_acceleration
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Array, Record, kernel
 
 DISTURBANCE_TIME = 0.8
 """Time constant of the disturbance estimate, in [s]."""
@@ -27,7 +27,7 @@ looks like a force."""
 
 
 @kernel
-def real_forces(before, now, v, period, car):
+def real_forces(before: Array, now: Array, v: float, period: float, car: Record) -> tuple[float, float]:
     """Lateral axle forces between two states, from Newton's and Euler's law.
 
     Args:
@@ -65,7 +65,7 @@ def _towards(estimate, target, gain, limit):
 
 
 @kernel
-def observe_disturbance(d, before, now, roll, v, period, c):
+def observe_disturbance(d: Record, before: Array, now: Array, roll: Array, v: float, period: float, c: Record) -> None:
     """One step of the disturbance observer.
 
     Args:

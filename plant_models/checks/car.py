@@ -25,7 +25,7 @@ from sidestep.plant_models.checks.driving import (
 from sidestep.plant_models.linear.plant import LinearPlant, steered
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import VehicleState
-from sidestep.plant_models.tyres.formula import cornering_stiffness, lateral_force
+from sidestep.plant_models.tyres.formula import lateral_force
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 
 SLOW, FAST = 3.0, 20.0
@@ -162,18 +162,12 @@ def _sway(vehicle: VehicleParameters) -> float:
 
 def mass_and_stiffness(plant: Plant, vehicle: VehicleParameters, dt: float = DT) -> Iterator[str]:
     """The axles slip as much as the car's mass, stiffnesses and inertia make them."""
-    found, tyre = _fast_bend(plant, vehicle, dt), vehicle.tyre.as_array()
+    found = _fast_bend(plant, vehicle, dt)
     if max(abs(found.front), abs(found.rear)) < _ROLLS:
         yield "The car rolls without slip: it has neither tyres nor a mass."
         return
-    per_length = 0.5 * vehicle.mass * GRAVITY / vehicle.wheelbase
-    axles = (
-        ("front", found.front, vehicle.cornering_stiffness_front, per_length * vehicle.l_r),
-        ("rear", found.rear, vehicle.cornering_stiffness_rear, per_length * vehicle.l_f),
-    )
-    for axle, factor, stiffness, load in axles:
-        formula = stiffness / (2.0 * cornering_stiffness(load, tyre))  # slip of a plant on the tyre formula
-        if not min(formula, 1.0) * (1.0 - _SLIP) <= factor <= max(formula, 1.0) * (1.0 + _SLIP):
+    for axle, factor in (("front", found.front), ("rear", found.rear)):
+        if not 1.0 - _SLIP <= factor <= 1.0 + _SLIP:
             yield (
                 f"In a bend of {BEND:g} m/s^2 the {axle} axle slips {factor:.3g} times as much as the car's: mass over "
                 f"cornering_stiffness_{axle}, or the centre of gravity, is another."

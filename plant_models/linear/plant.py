@@ -8,12 +8,12 @@ at standstill.
 
 import math
 from dataclasses import replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
 from sidestep.plant_models.errors import InputError, PlantError
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Array, Record, kernel
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.speed_control import limited_acceleration
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
@@ -128,7 +128,7 @@ def steered(steer: float, command: float, elapsed: float, time_constant: float, 
 
 
 @kernel
-def advance(motion, steer, command, target_speed, dt, substeps, p):
+def advance(motion: Array, steer: float, command: float, target_speed: Any, dt: float, substeps: Any, p: Record) -> Any:
     """Runge-Kutta 4 over `dt`.
 
     Args:

@@ -13,7 +13,7 @@ import llvmlite.binding as llvm
 import numpy as np
 from numba import config, types
 
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Array, kernel
 from sidestep.plant_models.linear.plant import steered
 from sidestep.plant_models.mujoco.library import load_own_copy
 from sidestep.plant_models.speed_control import limited_acceleration
@@ -87,7 +87,7 @@ def _steer(dt, car, state, ctrl):
 
 
 @kernel
-def observe(cars, states, qpos, qvel):
+def observe(cars: Any, states: Array, qpos: Any, qvel: Any) -> None:
     """Write the planar state of the total centre of gravity to `planar` of the state.
 
     From the coordinates themselves: MuJoCo's derived quantities are one step old after a step.
@@ -133,9 +133,25 @@ def _is_sane(qvel):
 
 @kernel
 def advance(
-    steps, dt, model, data, cars, states, sensors, xipos, xmat, qpos, qvel, qfrc, ctrl, mocap_pos, pairs, damping,
-    track, patches,
-):  # fmt: skip
+    steps: Any,
+    dt: float,
+    model: Any,
+    data: Any,
+    cars: Any,
+    states: Array,
+    sensors: Any,
+    xipos: Any,
+    xmat: Any,
+    qpos: Any,
+    qvel: Any,
+    qfrc: Any,
+    ctrl: Any,
+    mocap_pos: Any,
+    pairs: Any,
+    damping: Any,
+    track: Any,
+    patches: Any,
+) -> None:
     """Step the car under the held command of the state.
 
     Args:

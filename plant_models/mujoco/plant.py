@@ -93,8 +93,7 @@ class MujocoPlant:
         self.model.pair_friction[:], self.model.pair_solreffriction[:] = self._tuned
         limit, cos, sin = self._vehicle.steer_limit, math.cos(state.yaw), math.sin(state.yaw)
         state = replace(state, steer_angle=min(max(state.steer_angle, -limit), limit))
-        position, velocity, own = self.data.qpos, self.data.qvel, self._own[0]
-        self.data.time = state.time
+        self.data.time, position, velocity, own = state.time, self.data.qpos, self.data.qvel, self._own[0]
         position[:2] = state.x, state.y
         if self._surface.heights is not None:
             position[2] += self._surface.heights.at(state.x, state.y)

@@ -5,15 +5,14 @@ tunes MuJoCo's own friction to be that shear at the present speed, or leaves tha
 """
 
 import math
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Array, Record, kernel
 from sidestep.plant_models.tyres.formula import tyre_forces
 from sidestep.plant_models.tyres.parameters import TYRE
 
-Array = NDArray[np.float64]
 Vector = tuple[float, float, float]
 
 TYRE_MODES = ("magic-formula", "contact", "stock-contact")
@@ -97,7 +96,9 @@ def vector(values: Array, start: int) -> Vector:
 
 
 @kernel
-def relaxed_slip(deflection_x, deflection_y, slide_x, slide_y, rolling, dt, tyre):
+def relaxed_slip(
+    deflection_x: Any, deflection_y: Any, slide_x: Any, slide_y: Any, rolling: Any, dt: float, tyre: Any
+) -> Any:
     """Advance the carcass deflection by one implicit step of u' = -v_s - |v_x| u / sigma.
 
     At rest u' = -v_s is a spring without a damper and without an end, so that at low speed the deflection
@@ -124,7 +125,7 @@ def relaxed_slip(deflection_x, deflection_y, slide_x, slide_y, rolling, dt, tyre
 
 
 @kernel
-def friction_at(x, y, friction, patches):
+def friction_at(x: Array, y: Any, friction: float, patches: Any) -> Any:
     """Road friction at a point, in [-].
 
     Args:
@@ -178,7 +179,10 @@ def _contact_damping(i, slide_x, slide_y, rolling, camber, load, friction, car):
 
 
 @kernel
-def tyres(dt, car, state, sensors, xipos, xmat, qpos, qvel, qfrc, pairs, damping, patches):
+def tyres(
+    dt: float, car: Record, state: Record, sensors: Array, xipos: Array, xmat: Array, qpos: Array, qvel: Array,
+    qfrc: Array, pairs: Array, damping: Array, patches: Array,
+) -> None:  # fmt: skip
     """Shear of the wheels from their contact patches: a wrench on the joints, or tuned contacts.
 
     All four in one call, because every call counts references to its arrays.
@@ -254,7 +258,7 @@ def _wrench(arm, ahead, left, normal, depth, fx, fy, moment, borne):
 
 
 @kernel
-def push(i, car, xipos, xmat, qpos, qfrc, force, torque):
+def push(i: int, car: Record, xipos: Any, xmat: Any, qpos: Any, qfrc: Any, force: Any, torque: Any) -> None:
     """Add a wrench on wheel `i` to the joints that carry it.
 
     `xfrc_applied` would do the same by way of Jacobians of all joints, at a twentieth of the whole step.

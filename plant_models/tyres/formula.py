@@ -7,11 +7,12 @@ origin is the cornering stiffness.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Record, kernel
 
 
 @kernel
@@ -28,7 +29,7 @@ def magic_formula(kappa: float, alpha: float, load: float, friction: float, p: N
 
 
 @kernel
-def lateral_force(alpha, load, friction, p, scale=1.0):
+def lateral_force(alpha: Any, load: float, friction: float, p: Record, scale: Any = 1.0) -> Any:
     """Lateral force of an upright tyre without longitudinal slip, in [N]; arguments as of `tyre_forces`."""
     if load <= 0.0 or friction <= 0.0:
         return 0.0
@@ -37,7 +38,7 @@ def lateral_force(alpha, load, friction, p, scale=1.0):
 
 
 @kernel
-def tyre_forces(kappa, alpha, camber, load, friction, p, scale=1.0):
+def tyre_forces(kappa: Any, alpha: Any, camber: Any, load: float, friction: float, p: Record, scale: Any = 1.0) -> Any:
     """Steady-state shear force and aligning moment of one tyre.
 
     Road friction shrinks the law to a similar one, F = mu F(kappa / mu, alpha / mu) (Pacejka, section 4.2.1):

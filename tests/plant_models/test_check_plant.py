@@ -147,12 +147,15 @@ CARS = {
         BMW.with_(steer_limit=0.6), LinearPlant, ["steer_angle reaches no more than 0.6 rad, the car's limit is 1.066"],
     ),
     "mass": (
-        BMW.with_(mass=1.3 * BMW.mass), LinearPlant,
+        BMW.with_(
+            mass=1.3 * BMW.mass, cornering_stiffness_front=BMW.cornering_stiffness_front,
+            cornering_stiffness_rear=BMW.cornering_stiffness_rear,
+        ), LinearPlant,
         ["the front axle slips 1.3 times as much", "the rear axle slips 1.3 times as much"],
     ),
     "mass on tyres that follow the load": (
         BMW.with_(mass=1.3 * BMW.mass), partial(FmuPlant.native, model="double-track"),
-        ["as if its yaw_inertia over mass were 0.6"],
+        ["the front axle slips 1.2"],
     ),
     "yaw inertia": (
         BMW.with_(yaw_inertia=1.6 * BMW.yaw_inertia), LinearPlant, ["its yaw_inertia over mass were 1.6 times"],

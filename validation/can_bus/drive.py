@@ -29,6 +29,7 @@ from sidestep.controller.can_port.nodes import ControllerNode, VehicleNode
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
+from sidestep.validation.can_bus.limits import within
 from sidestep.validation.files import made
 from sidestep.validation.interrupt import interrupts_between_steps
 from sidestep.validation.judge.findings import Verdict, for_the_judge
@@ -245,11 +246,13 @@ def run_controller(
     if node.heard is None and not interrupted:
         raise InputError("can", f"no vehicle answers within {PATIENCE:g} s", "sidestep can plant on the same bus")
     lost = sum(channel.receiver.lost for channel in node.listener.channels.values())
-    found = () if interrupted else for_the_judge(state_findings(node.record(link.strangers)))
+    bus_figures = link.statistics(node.heard or 0.0)
+    record = node.record(link.strangers, 1e-3 * bus_figures["lateness_ms"]["max"])
+    found = () if interrupted else for_the_judge(state_findings(record))
     worst = next((each for each in found if each.verdict is not Verdict.PASS), None)
     figures = {"lost": lost, "stale_cycles": node.stale_cycles, "processor_share": share, "interrupted": interrupted}
     return {
-        **link.statistics(node.heard or 0.0), **figures,
+        **bus_figures, **figures,
         "verdict": worst.verdict.value if worst else "inconclusive" if interrupted else "pass",
         "label": worst.label if worst else "interrupted" if interrupted else "ok",
         "findings": [{"label": f.label, "verdict": f.verdict.value, "text": f.text} for f in found],
@@ -276,16 +279,6 @@ def _serve(link: RealTimeLink, node: ControllerNode) -> tuple[bool, float]:
         finally:
             link.send(node.leave())
     return interrupted, used / max(CYCLE, (node.heard or 0.0) - began[0]) if began else 0.0
-
-
-def within(scenario: Scenario, bus: BusDescription) -> Scenario:
-    """The scenario with a car that steers no faster and no farther than the interface lets pass at its speed."""
-    if bus.interface is None:
-        return scenario
-    car = scenario.vehicle
-    rate = min(car.steer_rate_limit, bus.interface.rate(scenario.speed))
-    limit = min(car.steer_limit, bus.interface.highest(scenario.speed))
-    return replace(scenario, vehicle=replace(car, steer_rate_limit=rate, steer_limit=limit))
 
 
 def _actuator(scenario: Scenario) -> ActuatorConfig:

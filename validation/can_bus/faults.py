@@ -1,8 +1,6 @@
 """`sidestep can faults`: seeded faults in virtual time, and whether anything unsafe passes."""
 
-import math
 import time
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,20 +13,18 @@ from rich.console import Console
 from rich.table import Table
 
 from sidestep.controller import SteeringController
-from sidestep.controller.can_port.actuator import Actuator
 from sidestep.controller.can_port.bus.faults import FaultSpec
 from sidestep.controller.can_port.codec.database import CYCLE, Frame
 from sidestep.controller.can_port.codec.messages import (
     STEER_CMD,
     ActuatorState,
     decode_steer_command,
-    encode_steer_command,
 )
 from sidestep.controller.can_port.link import VirtualTimeLink
 from sidestep.controller.can_port.nodes import ControllerNode, VehicleNode
-from sidestep.controller.can_port.protection.e2e import ACCEPTED
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState
+from sidestep.validation.can_bus.corruption import corrupt
 from sidestep.validation.can_bus.drive import drive_over
 from sidestep.validation.console import progress_bar
 from sidestep.validation.judge.verdict import judge
@@ -38,7 +34,6 @@ from sidestep.validation.loop.recording import End, Recording
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario
 
 _SCENES = ("single-obstacle", "double-obstacle")
-_SPEED, _ANGLE, _STEP = 15.0, 0.05, 0.001  # of the good commands around a corrupt one
 
 
 class _Witness(ControllerNode):
@@ -202,56 +197,6 @@ def _freeze(seed: int) -> FaultSpec:
     return FaultSpec(seed=seed, only=STEER_CMD.name, freeze=True, start=start, end=start + 0.4)
 
 
-@dataclass(frozen=True)
-class Corruption:
-    """What became of corrupt STEER_CMD frames.
-
-    Attributes:
-        frames: How many, each with a random set of its 64 bits flipped.
-        passed_crc: Those whose CRC fitted by chance.
-        by_counter: Of these, those that the counter stopped.
-        by_plausibility: And those that reserved bits, mode, enable, angle or rate stopped.
-        accepted: What is left.
-    """
-
-    frames: int
-    passed_crc: int
-    by_counter: int
-    by_plausibility: int
-    accepted: int
-
-
-def corrupt(count: int, seed: int) -> Corruption:
-    """Corrupt `count` frames; each that passes the CRC meets an actuator that is ACTIVE on an intact channel."""
-    draw, counter_of = Random(f"corrupt {seed}"), STEER_CMD.profile.counter_of
-    good = [int.from_bytes(_good(k), "little") for k in range(16)]
-    passed = []
-    for k in range(count):
-        data = (good[k % 16] ^ (draw.getrandbits(64) or 1)).to_bytes(8, "little")
-        if counter_of(data) is not None:
-            passed.append((k % 16, data))
-    fates = Counter(_fate(k, data) for k, data in passed)
-    return Corruption(count, len(passed), fates["counter"], fates["plausibility"], fates["accepted"])
-
-
-def _good(k: int) -> bytes:
-    return encode_steer_command(SteeringCommand(0.0, _ANGLE + _STEP * (k % 16), _SPEED), k, rate_limit=0.4)
-
-
-def _fate(place: int, data: bytes) -> str:
-    """What stops a frame that comes in the place of the good one number `place`."""
-    actuator = Actuator()
-    for k in range(place, place + 16):
-        actuator.step([_good(k)], VehicleState(k * CYCLE, v_x=_SPEED))
-    before = sum(actuator.channel.receiver.counts[status] for status in ACCEPTED)
-    now = (place + 16) * CYCLE
-    actuator.step([data], VehicleState(now, v_x=_SPEED))
-    if actuator.asked and math.isclose(actuator.asked.time, now):
-        return "accepted"
-    in_sequence = sum(actuator.channel.receiver.counts[status] for status in ACCEPTED) > before
-    return "plausibility" if in_sequence else "counter"
-
-
 def campaign(count: int, corrupt_count: int, seed: int) -> int:
     """Run everything and print what came of it.
 
@@ -281,18 +226,8 @@ def campaign(count: int, corrupt_count: int, seed: int) -> int:
     console = Console(width=None if Console().is_terminal else 120)
     console.print(table)
     console.print(f"{total} cases in {took:.1f} s")
-    console.print(_sentence(fate), highlight=False)
+    console.print(fate.sentence(), highlight=False)
     return 0 if failed == fate.accepted == 0 else 1
-
-
-def _sentence(fate: Corruption) -> str:
-    share, theory = fate.passed_crc / fate.frames, 1.0 / 256.0
-    spread = math.sqrt(theory * (1.0 - theory) / fate.frames)
-    return (
-        f"{fate.frames} corrupt frames: CRC passed by chance {fate.passed_crc} = {100.0 * share:.4f} % "
-        f"(theory {100.0 * theory:.4f} %, standard deviation {100.0 * spread:.4f} %); of these "
-        f"{fate.by_counter} stopped by the counter, {fate.by_plausibility} by plausibility; accepted {fate.accepted}"
-    )
 
 
 def _outcomes(cases: list[tuple[Scenario, FaultSpec]]) -> Iterator[Outcome]:

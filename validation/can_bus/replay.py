@@ -1,8 +1,11 @@
 """`sidestep can replay`: a log as plant on a bus, or what the controller would have sent."""
 
+import math
+import sys
 import time
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import can
@@ -11,7 +14,7 @@ from matplotlib.figure import Figure
 
 from sidestep.controller import SteeringController
 from sidestep.controller.can_port.bus.bus import Bus, key_of
-from sidestep.controller.can_port.bus.log import read_log
+from sidestep.controller.can_port.bus.log import LogReport, read_log
 from sidestep.controller.can_port.codec.catalogue import BusDescription, own_bus
 from sidestep.controller.can_port.codec.messages import (
     ANSWERS,
@@ -25,7 +28,7 @@ from sidestep.controller.can_port.listener import Assembler, Sample
 from sidestep.controller.can_port.nodes import Steering
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.validation.can_bus.drive import within
+from sidestep.validation.can_bus.limits import within
 from sidestep.validation.files import made, written_to
 from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.loop.recording import Array, write_columns
@@ -35,31 +38,59 @@ from sidestep.validation.scenarios.scenario import Scenario
 _UNITS = {"time": "s", "logged": "rad", "asked_now": "rad", "difference": "rad"}
 
 
-def replay_as_plant(log: Path, bus: Bus, described: BusDescription | None = None) -> int:
-    """Send what the vehicle sent, in the log's own time; how many frames the bus took.
+@dataclass(frozen=True)
+class Pace:
+    """How a log is sent.
+
+    Attributes:
+        speed: Times as fast as it was recorded.
+        loops: How often.
+        gap: Longest pause, in [s] of the log; None for as long as it was.
+    """
+
+    speed: float = 1.0
+    loops: int = 1
+    gap: float | None = None
+
+
+def replay_as_plant(
+    log: Path, bus: Bus, described: BusDescription | None = None, channel: str | None = None, pace: Pace | None = None
+) -> int:
+    """Send what the vehicle sent, in the log's own time or in that of `pace`; how many frames the bus took.
 
     Raises:
         InputError: The log cannot be read, or holds none of our messages.
     """
     ours = {m.frame_id: m.name for m in (described or own_bus()).messages.values() if m.sender != "CTRL"}
-    frames = [message for message in _read(log) if key_of(message) in ours]
-    if not frames:
+    pace, sent, found = pace or Pace(), 0, False
+    for _ in range(pace.loops):
+        report, due, last = LogReport(), time.monotonic(), None
+        for message in _told(log, read_log(log, channel, report), report):
+            if key_of(message) not in ours or message.channel == LOG_CHANNEL:
+                continue
+            found = True
+            passed = max(0.0, message.timestamp - last) if last is not None else 0.0
+            last = message.timestamp
+            due += min(passed, math.inf if pace.gap is None else pace.gap) / pace.speed
+            time.sleep(max(0.0, due - time.monotonic()))
+            sent += bus.send(message)
+    if not found:
         raise InputError(str(log), "holds no frame of a vehicle", f"a log with {', '.join(ours.values())}")
-    zero, sent = time.monotonic() - frames[0].timestamp, 0
-    for message in frames:
-        time.sleep(max(0.0, zero + message.timestamp - time.monotonic()))
-        sent += bus.send(message)
     return sent
 
 
-def what_if(log: Path, scenario: Scenario, out: Path, described: BusDescription | None = None) -> int:
+def what_if(
+    log: Path, scenario: Scenario, out: Path, described: BusDescription | None = None, channel: str | None = None
+) -> int:
     """Feed a log to a scenario's controller, compare its steering with the log's; print, write and plot it.
 
     Raises:
         InputError: Log, scenario or folder cannot be used.
     """
     bus = described or own_bus()
-    columns, missing = compare(_read(log), bare_controller(within(scenario, bus)), bus)
+    report = LogReport()
+    frames = _told(log, read_log(log, channel, report), report)
+    columns, missing = compare(frames, bare_controller(within(scenario, bus)), bus)
     if not len(columns["time"]):
         allowed = "a log of both nodes, as `sidestep can drive` writes one, with the same protection and mapping"
         raise InputError(str(log), "never has both a state to steer by and a command that answers it", allowed)
@@ -76,25 +107,11 @@ def what_if(log: Path, scenario: Scenario, out: Path, described: BusDescription 
     return 0
 
 
-def _read(log: Path) -> list[can.Message]:
-    try:
-        frames = list(read_log(log))
-    except InputError as error:
-        cause = error.__cause__
-        if cause is None:
-            raise
-        why = (
-            cause.strerror
-            if isinstance(cause, OSError)
-            else f"no CAN log of the kind {log.suffix}, or cut short: {cause}"
-        )
-        raise InputError(str(log), f"cannot be read ({why})", _LOGS) from error
-    if not frames:
-        raise InputError(str(log), "holds no CAN frame", _LOGS)
-    return frames
-
-
-_LOGS = ".blf, .asc, .log (candump) or .csv with CAN frames, as python-can writes them"
+def _told(log: Path, frames: Iterable[can.Message], report: LogReport) -> Iterator[can.Message]:
+    """The frames, and on stderr what was odd about them."""
+    yield from frames
+    for sentence in report.sentences():
+        print(f"sidestep: {log}: {sentence}", file=sys.stderr)
 
 
 def compare(

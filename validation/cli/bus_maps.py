@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from sidestep.controller.can_port.codec.catalogue import BusDescription
     from sidestep.validation.scenarios.scenario import Scenario
 
+if TYPE_CHECKING:
+    from sidestep.controller.can_port.codec.database import Protection
+
 
 def add_bus_map(parser: argparse.ArgumentParser, also: str = "") -> None:
     """Add `--dbc` and `--map`."""
@@ -39,7 +42,7 @@ def described(options: argparse.Namespace, scenario: "Scenario | None" = None) -
     from sidestep.controller.can_port.codec.catalogue import mapped_bus, own_bus
 
     maps, _ = split_maps(options.map)
-    protection = getattr(options, "protection", "P02")
+    protection: Protection = getattr(options, "protection", "P02")
     if maps:
         wheelbase = scenario.vehicle.l_f + scenario.vehicle.l_r if scenario else None
         bus = mapped_bus(maps[0], options.dbc, protection, wheelbase)

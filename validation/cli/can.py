@@ -46,7 +46,13 @@ def add_can(commands: argparse._SubParsersAction) -> None:
     monitor.add_argument("--overwrite", action="store_true", help="these files may be there already")
     monitor.set_defaults(command=_monitor)
     replay = parts.add_parser("replay", help="a log as plant on a bus, or what the controller would have sent")
-    replay.add_argument("log", type=Path, metavar="LOG", help=".blf, .asc, .log or .csv")
+    replay.add_argument(
+        "log", type=Path, metavar="LOG", help=".blf, .asc, .log, .csv, .trc, .mf4 or .db, each also as .gz"
+    )
+    replay.add_argument("--channel", metavar="NAME", help="the only channel of the log that counts; default: all")
+    replay.add_argument("--speed", type=positive_number, metavar="X", help="X times as fast as recorded")
+    replay.add_argument("--loop", type=whole_number, metavar="N", help="send it N times")
+    replay.add_argument("--gap", type=positive_number, metavar="S", help="shorten pauses to S seconds")
     replay.add_argument("--what-if", metavar="SCENARIO", help="ask this scenario's controller instead of sending")
     replay.add_argument("--out", type=Path, metavar="DIR", help="of --what-if; default: what-if")
     _bus_options(replay)
@@ -101,7 +107,8 @@ def _shared_bus(options: argparse.Namespace, everything: bool = False) -> "Bus":
     _require_shared(options)
     spec = resolve_spec(options.can, several_processes=True)
     fd = everything or any(message.is_fd for message in described(options).messages.values())
-    return Bus(spec, fd=fd, allow_real_bus=options.allow_real_bus, everything=everything)
+    listens = everything  # the monitor, which sends nothing
+    return Bus(spec, fd=fd, allow_real_bus=options.allow_real_bus or listens, everything=everything)
 
 
 def _require_shared(options: argparse.Namespace) -> None:
@@ -203,7 +210,7 @@ def _monitor(options: argparse.Namespace) -> int:
 
 
 def _replay(options: argparse.Namespace) -> int:
-    from sidestep.validation.can_bus.replay import replay_as_plant, what_if
+    from sidestep.validation.can_bus.replay import Pace, replay_as_plant, what_if
     from sidestep.validation.scenarios.scenario import load_scenario
 
     if options.what_if:
@@ -212,11 +219,14 @@ def _replay(options: argparse.Namespace) -> int:
             {"--can": None if options.can == "auto" else options.can, "--allow-real-bus": options.allow_real_bus},
         )
         scenario = load_scenario(options.what_if)
-        return what_if(options.log, scenario, options.out or Path("what-if"), described(options, scenario))
+        bus = described(options, scenario)
+        return what_if(options.log, scenario, options.out or Path("what-if"), bus, options.channel)
     if options.out:
         raise InputError("--out", "makes no difference without --what-if", "both, or neither")
     with _shared_bus(options) as bus:
-        print(f"{replay_as_plant(options.log, bus, described(options))} frames sent on {bus.spec}")
+        pace = Pace(options.speed or 1.0, options.loop or 1, options.gap)
+        sent = replay_as_plant(options.log, bus, described(options), options.channel, pace)
+        print(f"{sent} frames sent on {bus.spec}")
     return 0
 
 

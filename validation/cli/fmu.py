@@ -122,13 +122,13 @@ def _info(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from sidestep.fmu.importing.findings import check_fmu
+    from sidestep.fmu.importing.checks.findings import check_fmu
 
     if not options.file.is_file():
         raise InputError(str(options.file), "no such file", "an .fmu file")
     findings = check_fmu(options.file)
     if options.map:
-        from sidestep.fmu.importing.driven_check import check_driven
+        from sidestep.fmu.importing.checks.driven_check import check_driven
 
         findings += [("driven", finding) for finding in check_driven(options.file, options.map)]
     for who, what in findings:

@@ -213,7 +213,8 @@ def plant_overrides(options: argparse.Namespace) -> list[str]:
     if options.plant is not None:
         plant = str(Path(options.plant).absolute()) if options.plant.endswith(".fmu") else options.plant
         overrides.append(f"plant.kind={json.dumps(plant)}")
-    _, maps = split_maps([str(name) for name in options.map or []])
+    given = options.map if isinstance(options.map, list) else [options.map] if options.map else []
+    _, maps = split_maps([str(name) for name in given])
     if maps:
         overrides.append(f"plant.map={json.dumps(str(maps[0].absolute()))}")
     return overrides

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Array, kernel
 from sidestep.plant_models.road.clothoid import curvature_at, point_at
 
 MAX_JERK = 40.0
@@ -23,7 +23,19 @@ _MOVES = np.array([0.0, -0.5, 0.5, -1.0, 1.0])  # share of the curvature limit, 
 
 
 @kernel
-def depth_first(start, speeds, limits, poses, boxes, table, period, car, edges, steering, layers):
+def depth_first(
+    start: Array,
+    speeds: Array,
+    limits: Array,
+    poses: Array,
+    boxes: Array,
+    table: Array,
+    period: float,
+    car: tuple[float, float, float],
+    edges: tuple[float, float],
+    steering: float,
+    layers: int,
+) -> tuple[bool, Array]:
     """The first trajectory through all layers.
 
     Args:

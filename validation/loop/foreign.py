@@ -17,6 +17,7 @@ from sidestep.plant_models.vehicle.table import WHOLE
 from sidestep.validation.loop.cosimulation import PLANT_STEP
 from sidestep.validation.scenarios.plant_settings import PlantSettings
 from sidestep.validation.scenarios.scenario import Scenario, told_car
+from sidestep.validation.scenarios.tables import file_at
 
 TIME_LIMIT = 30.0
 """For one call of the plant, in [s]."""
@@ -44,7 +45,7 @@ def plant_doubts(scenario: Scenario, build: Callable[[], Plant] | None = None) -
     from sidestep.fmu.importing.isolation import IsolatedPlant
     from sidestep.fmu.importing.plant import FmuPlant
 
-    mapping = Path(settings.map) if settings.map else None
+    mapping = file_at(Path(), settings.map, "plant.map") if settings.map else None
     make = build or partial(FmuPlant.from_file, Path(settings.kind), mapping, scenario.vehicle, settings.friction)
     period = scenario.controller.period
     step = period / max(1, math.ceil(period / PLANT_STEP - 1e-9))

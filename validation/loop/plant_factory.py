@@ -11,10 +11,11 @@ from collections.abc import Callable
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from sidestep.plant_models.errors import InputError, PlantError, SidestepError
 from sidestep.plant_models.plant import Plant
+from sidestep.plant_models.signals import SteeringCommand, VehicleState
 
 GROUP = "sidestep.plants"
 """Of the entry points; their names are kinds of plants."""
@@ -100,4 +101,50 @@ def plant_of(kind: str, **offered: Any) -> Plant:
         raise PlantError(f"{kind}: {type(error).__name__}: {error}") from error
     if missing := [name for name in _METHODS if not callable(getattr(plant, name, None))]:
         raise InputError("plant.kind", f"{kind!r} makes something without {missing[0]!r}", f"{', '.join(_METHODS)}")
-    return plant
+    return Guarded(plant, kind)
+
+
+class Guarded:
+    """Somebody else's plant, whose own exceptions end a drive as those of our plants do; all else is the plant's."""
+
+    def __init__(self, plant: Any, kind: str):
+        self._plant, self._kind = plant, kind
+
+    def reset(self, state: VehicleState) -> VehicleState:
+        """Reset the plant.
+
+        Raises:
+            PlantError: It cannot start.
+        """
+        return self._called(self._plant.reset, state)
+
+    def step(self, command: SteeringCommand, dt: float) -> VehicleState:
+        """Step the plant.
+
+        Raises:
+            PlantError: It fails.
+        """
+        return self._called(self._plant.step, command, dt)
+
+    def close(self) -> None:
+        """Close the plant."""
+        self._plant.close()
+
+    def _called(self, method: Callable[..., Any], *arguments: Any) -> VehicleState:
+        try:
+            return method(*arguments)
+        except SidestepError:
+            raise
+        except Exception as error:
+            raise PlantError(f"{self._kind}: {type(error).__name__}: {error}") from error
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "_plant":  # not there yet, as in a copy
+            raise AttributeError(name)
+        return getattr(self._plant, name)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.close()

@@ -73,7 +73,7 @@ def _by_name(scenario: Scenario, vehicle: VehicleParameters) -> Plant:
 
 
 _CAR, _ROLLS, _ROAD = ("mass", "stiffness"), ("roll_centre",), ("tyre", "grade", "bank", "patches", "heights")
-_COMMON = ("kind", "steer_offset", "delay", "noise", "noise_seed", "measured_offset")
+_COMMON = ("kind", "accept_start", "steer_offset", "delay", "noise", "noise_seed", "measured_offset")
 BUILT_IN: dict[str, PlantKind] = {
     "linear": PlantKind(_linear, _CAR),
     "single-track": PlantKind(_native, ("friction", *_CAR)),

@@ -168,9 +168,10 @@ def can_interfaces() -> list[str]:
 
 
 def _bus_arguments(spec: str, allow_real_bus: bool) -> dict[str, Any]:
-    interface, _, channel = spec.partition(":")
+    name, _, channel = spec.partition(":")
+    interface = name.lower()
     if interface not in can.VALID_INTERFACES:
-        raise InputError("can", f"unknown interface {interface!r} in {spec!r}", SPECS)
+        raise InputError("can", f"unknown interface {name!r} in {spec!r}", SPECS)
     if not channel:
         raise InputError("can", f"{spec!r} names no channel", SPECS)
     if interface == "virtual":

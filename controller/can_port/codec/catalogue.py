@@ -17,13 +17,12 @@ from sidestep.controller.can_port.codec.database import (
 )
 from sidestep.controller.can_port.codec.foreign import load_database, message_named, signal_named
 from sidestep.controller.can_port.codec.mapped import (
-    Field,
     MappedMessage,
     Number,
     as_curvature,
     number_of,
-    profile_of,
 )
+from sidestep.controller.can_port.codec.mapped_profile import Field, profile_of
 from sidestep.controller.can_port.codec.messages import STEER_CMD, STEER_STATUS, ActuatorState
 from sidestep.controller.can_port.interface import Interface
 from sidestep.plant_models.errors import InputError
@@ -124,11 +123,8 @@ def _moved(protection: Protection, identifiers: dict[str, int], where: str) -> d
 def _refuse_twice(catalogue: Catalogue, where: str) -> None:
     seen: dict[int, str] = {}
     for name, message in catalogue.items():
-        if message.frame_id in seen:
-            first = seen[message.frame_id]
-            raise InputError(
-                where, f"0x{message.frame_id:X} would be both {first} and {name}", "[identifiers] for ours"
-            )
+        if first := seen.get(message.frame_id):
+            raise InputError(where, f"0x{message.frame_id:X} is both {first} and {name}", "[identifiers] for ours")
         seen[message.frame_id] = name
 
 

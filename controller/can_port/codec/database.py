@@ -65,25 +65,57 @@ class BusMessage(Protocol):
     """A message that one of ours may be, of steer.dbc or of a mapping file; the members are `ProtectedMessage`'s."""
 
     @property
-    def name(self) -> str: ...  # noqa: D102
+    def name(self) -> str:
+        """Name in the database."""
+        ...
+
     @property
-    def frame_id(self) -> int: ...  # noqa: D102
+    def frame_id(self) -> int:
+        """Identifier of its frames."""
+        ...
+
     @property
-    def length(self) -> int: ...  # noqa: D102
+    def length(self) -> int:
+        """Bytes of data."""
+        ...
+
     @property
-    def cycle(self) -> float: ...  # noqa: D102
+    def cycle(self) -> float:
+        """Time between two frames, in [s]."""
+        ...
+
     @property
-    def profile(self) -> Profile: ...  # noqa: D102
+    def profile(self) -> Profile:
+        """Its protection."""
+        ...
+
     @property
-    def sender(self) -> str: ...  # noqa: D102
+    def sender(self) -> str:
+        """Node that sends it."""
+        ...
+
     @property
-    def tied(self) -> bool: ...  # noqa: D102
+    def tied(self) -> bool:
+        """Whether its counter is that of the sample or command that it belongs to."""
+        ...
+
     @property
-    def reserved(self) -> int: ...  # noqa: D102
+    def reserved(self) -> int:
+        """See `ProtectedMessage`."""
+        ...
+
     @property
-    def is_fd(self) -> bool: ...  # noqa: D102
-    def encode(self, values: Mapping[str, float], counter: int) -> bytes: ...  # noqa: D102
-    def decode(self, data: bytes | bytearray) -> dict[str, float]: ...  # noqa: D102
+    def is_fd(self) -> bool:
+        """Whether it needs CAN FD."""
+        ...
+
+    def encode(self, values: Mapping[str, float], counter: int) -> bytes:
+        """Data of a frame with these physical values."""
+        ...
+
+    def decode(self, data: bytes | bytearray) -> dict[str, float]:
+        """Physical values of a frame."""
+        ...
 
 
 Catalogue = Mapping[str, BusMessage]

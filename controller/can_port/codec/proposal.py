@@ -155,8 +155,7 @@ def _named(signal: Signal, pattern: str, units: tuple[str, ...]) -> float:
 
 
 def _angle(key: str, message: Message, signal: Signal) -> str:
-    unit = (signal.unit or "").strip().lower()
-    factor = UNITS.get(unit or "deg", 1.0)
+    factor = UNITS.get((signal.unit or "").strip().lower() or "deg", 1.0)
     highest = signal.offset + signal.scale * (1 << signal.length - signal.is_signed)
     wheel = max(abs(highest), abs(signal.offset)) / factor * UNITS["deg"] > _WHEEL_RANGE
     ratio = f", ratio = {_RATIO:g}" if wheel else ""

@@ -5,14 +5,14 @@ import math
 import numpy as np
 
 from sidestep.controller.mpc.active_set.lines import LOWER, UPPER, set_normal
-from sidestep.plant_models.kernels import bare_kernel
+from sidestep.plant_models.kernels import Record, bare_kernel
 
 SINGULAR = 1e-14
 """P counts as singular if a pivot is this share of its diagonal or less."""
 
 
 @bare_kernel
-def eliminate(p, w):
+def eliminate(p: Record, w: Record) -> bool:
     """Columns of J for the moves, and the optimum without lines; False if P is not positive or not finite.
 
     Elimination turns P = L D L' and -q into D and L^-1 (in place of the zeros) and into -L^-1 q; J = L^-T D^-1/2.
@@ -43,7 +43,7 @@ def eliminate(p, w):
 
 
 @bare_kernel
-def project(size, count, w):
+def project(size: int, count: int, w: Record) -> tuple[float, float]:
     """J'normal, the part z of the normal that the active ones leave free, and the squares of both."""
     square, fresh = 0.0, 0.0
     w.z[:] = 0.0
@@ -62,7 +62,7 @@ def project(size, count, w):
 
 
 @bare_kernel
-def add(size, count, fresh, code, multiplier, w):
+def add(size: int, count: int, fresh: float, code: int, multiplier: float, w: Record) -> None:
     """Make the projected normal the next column of R, by a reflection of J's free columns."""
     first = w.along[count]
     root = math.sqrt(fresh)
@@ -83,7 +83,7 @@ def add(size, count, fresh, code, multiplier, w):
 
 
 @bare_kernel
-def drop(count, place, w):
+def drop(count: int, place: int, w: Record) -> None:
     """Take an active bound out, by rotations that make R triangular again."""
     code = w.active[place]
     w.held[~code if code < 0 else code] &= ~(LOWER if code < 0 else UPPER)
@@ -107,7 +107,7 @@ def drop(count, place, w):
 
 
 @bare_kernel
-def solve_triangle(count, w):
+def solve_triangle(count: int, w: Record) -> None:
     """Make r of R^-1 r."""
     for i in range(count - 1, -1, -1):
         value = w.r[i] / w.R[i, i]
@@ -117,7 +117,7 @@ def solve_triangle(count, w):
 
 
 @bare_kernel
-def settle(p, count, total, w):
+def settle(p: Record, count: int, total: int, w: Record) -> None:
     """One Newton step on the conditions of optimality with these active bounds: exact but for rounding."""
     n, size = w.moves, w.moves + w.slacks
     for q in range(n):

@@ -28,7 +28,7 @@ from sidestep.controller.mpc.active_set.lines import (
     set_normal,
 )
 from sidestep.controller.mpc.stack import SLACK_UNIT
-from sidestep.plant_models.kernels import bare_kernel
+from sidestep.plant_models.kernels import Record, bare_kernel
 
 SOLVED, INFEASIBLE, EXHAUSTED, INVALID = 0, 1, 2, 3
 """Optimum; hard bounds that contradict each other; more iterations than allowed; not finite, or P not positive."""
@@ -41,7 +41,7 @@ NEGLIGIBLE = 1e-12
 
 
 @bare_kernel
-def solve(p, result, limit, w):
+def solve(p: Record, result: Record, limit: int, w: Record) -> tuple[int, int]:
     """Solve a problem, beginning with the active bounds that `result` holds.
 
     Args:

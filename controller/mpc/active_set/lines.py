@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from sidestep.controller.records import PADDING
-from sidestep.plant_models.kernels import bare_kernel
+from sidestep.plant_models.kernels import Record, bare_kernel
 
 LOWER, UPPER = 1, 2
 """Flags of a line whose bounds are active."""
@@ -18,7 +18,7 @@ TOLERANCE = 1e-10
 
 
 @bare_kernel
-def load(p, w):
+def load(p: Record, w: Record) -> int:
     """Lines that have a bound, as columns, and the variables, with their values; slack bounds active.
 
     Returns:
@@ -97,7 +97,7 @@ def _leave_empty(i, w):
 
 
 @bare_kernel
-def most_violated(p, total, w):
+def most_violated(p: Record, total: int, w: Record) -> int:
     """Bound with the largest violation, as distance: i if upper, ~i if lower; NONE if all are kept."""
     n, begin = w.moves, 0
     for s in range(w.slacks + 1):
@@ -118,7 +118,7 @@ def most_violated(p, total, w):
 
 
 @bare_kernel
-def set_normal(p, code, total, w):
+def set_normal(p: Record, code: int, total: int, w: Record) -> float:
     """Normal of a bound, so that normal'x >= what is given back."""
     n, variables, sign = w.moves, total - w.width, 1.0 if code < 0 else -1.0
     i = ~code if code < 0 else code
@@ -136,7 +136,7 @@ def set_normal(p, code, total, w):
 
 
 @bare_kernel
-def advance(p, total, w):
+def advance(p: Record, total: int, w: Record) -> None:
     """Move by `step`, values included."""
     variables = total - w.width
     for q in range(w.width):
@@ -149,7 +149,7 @@ def advance(p, total, w):
 
 
 @bare_kernel
-def evaluate(p, total, w):
+def evaluate(p: Record, total: int, w: Record) -> None:
     """Values of all lines and variables, without what has gathered in rounding."""
     variables = total - w.width
     w.value[:variables] = 0.0

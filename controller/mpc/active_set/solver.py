@@ -4,14 +4,14 @@ from sidestep.controller.mpc import status
 from sidestep.controller.mpc.active_set.iteration import EXHAUSTED, INFEASIBLE, SOLVED, solve
 from sidestep.controller.mpc.stack import SLACK_CURVATURE
 from sidestep.controller.records import PADDING, SLACKS
-from sidestep.plant_models.kernels import bare_kernel
+from sidestep.plant_models.kernels import Record, bare_kernel
 
 MOST_ITERATIONS = 200
 """Three times what the worst hostile step takes."""
 
 
 @bare_kernel
-def solve_with_bounds(m, p, c):
+def solve_with_bounds(m: Record, p: Record, c: Record) -> bool:
     """Solve the stacked QP, beginning with the active bounds of the last step.
 
     Args:
@@ -43,7 +43,7 @@ def solve_with_bounds(m, p, c):
 
 
 @bare_kernel
-def size(w, moves, slacks):
+def size(w: Record, moves: int, slacks: int) -> None:
     """Sizes of a problem in the work space."""
     w.moves, w.slacks = moves, slacks
     w.width = -(-(moves + slacks) // PADDING) * PADDING

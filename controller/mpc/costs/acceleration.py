@@ -1,11 +1,11 @@
 """Lateral acceleration: the sum of the axle forces over the mass."""
 
 from sidestep.controller.mpc.prediction import SLOWEST
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Record, kernel
 
 
 @kernel
-def acceleration(row, k, dt, w, c):
+def acceleration(row: int, k: int, dt: float, w: Record, c: Record) -> None:
     """Residual a_y of node k, weighted by `weight_acceleration`; see `costs.offset`."""
     car, line, v = c.car, w.forces[c.grid.group[k]], max(w.speed[k], SLOWEST)
     slope_f, force_f, slope_r, force_r = line[0], line[1], line[2], line[3]

@@ -1,11 +1,11 @@
 """Lateral speed against the planned path."""
 
 from sidestep.controller.mpc.prediction import SLOWEST
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Record, kernel
 
 
 @kernel
-def lateral_speed(row, k, dt, w, c):
+def lateral_speed(row: int, k: int, dt: float, w: Record, c: Record) -> None:
     """Residual e_phi - heading of the path of node k, weighted by `weight_lateral_speed` v^2; see `costs.offset`."""
     v = max(w.speed[k], SLOWEST)
     w.residual[row] = w.free[k, 1] - w.heading[k]

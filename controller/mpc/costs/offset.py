@@ -1,10 +1,10 @@
 """Distance to the planned path."""
 
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Record, kernel
 
 
 @kernel
-def offset(row, k, dt, w, c):
+def offset(row: int, k: int, dt: float, w: Record, c: Record) -> None:
     """Residual l - l_path of node k, weighted by `weight_offset` and by how much the path counts there.
 
     Args:

@@ -1,11 +1,11 @@
 """The commanded road-wheel angle stays within the actuator's range."""
 
 from sidestep.controller.records import SLACKS
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Record, kernel
 
 
 @kernel
-def angle(i, w, c):
+def angle(i: int, w: Record, c: Record) -> int:
     """Fill a hard line of the commanded angle after each move; see `limits.corridor`."""
     grid = c.grid
     for k in range(grid.nodes):

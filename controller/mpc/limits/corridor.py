@@ -1,10 +1,10 @@
 """Both ends of the footprint stay within the corridor (13)."""
 
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Record, kernel
 
 
 @kernel
-def corridor(i, w, c):
+def corridor(i: int, w: Record, c: Record) -> int:
     """Fill lines l + lever e_phi of the footprint's front and rear, softened by slack 0.
 
     Args:

@@ -1,11 +1,11 @@
 """Slip angles stay below the tyres' peak; stands for (14)."""
 
 from sidestep.controller.mpc.prediction import SLOWEST
-from sidestep.plant_models.kernels import kernel
+from sidestep.plant_models.kernels import Record, kernel
 
 
 @kernel
-def slip(i, w, c):
+def slip(i: int, w: Record, c: Record) -> int:
     """Fill lines of the front and rear slip angle, softened by slack 1; see `limits.corridor`.
 
     `slip_limits` of the work space bounds them, front and rear, in [rad]; roll takes from both.

@@ -41,6 +41,13 @@ def test_unknown_interface():
         Bus("carrier-pigeon:1")
 
 
+@pytest.mark.parametrize("spec", ["Virtual:case", "VIRTUAL:case"])
+def test_interface_names_without_regard_to_case(spec):
+    with Bus(spec) as one, Bus("virtual:case") as two:
+        one.send(message())
+        assert len(two.drain()) == 1
+
+
 @pytest.mark.parametrize("spec", ["virtual", "virtual:", "socketcan"])
 def test_missing_channel(spec):
     with pytest.raises(InputError, match="names no channel"):

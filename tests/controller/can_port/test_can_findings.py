@@ -69,6 +69,15 @@ def test_a_controller_that_falls_silent(driving):
     assert record.checks["NONEWDATA"] == 40
 
 
+def test_commands_that_come_and_are_not_accepted_are_not_silence(driving):
+    driving.run(50)
+    for k in range(60):  # every other cycle nothing, then two at once: never 14 good ones of 16
+        frames = [driving.frame(driving.cycle + j) for j in range(2)] if k >= 30 and k % 2 else []
+        driving.step(*frames)
+    assert driving.labels()[0] == "commands not accepted"
+    assert driving.verdict() == "fail"
+
+
 def test_a_controller_that_came_back_was_in_fail_safe(driving):
     driving.run(50)
     for _ in range(20):

@@ -78,6 +78,15 @@ enable = [{ signal = "On", on = 4, off = 2 }]
 """
 
 
+THEIRS = cantools.database.load_string(DBC, "dbc")
+SHIPPED = {
+    name: mapped_bus(name, wheelbase=2.8)
+    for name in built_in_maps()
+    if tomllib.loads((MAPS / f"{name}.toml").read_text(encoding="utf-8")).get("dbc")
+}
+"""Those that come with a database; read once, for hypothesis measures time."""
+
+
 @pytest.fixture
 def bus(tmp_path):
     def made(text, dbc=DBC, **more):
@@ -94,7 +103,7 @@ def decoded(bus, message, data):
 
 @given(st.floats(-1.5, 1.5), st.floats(0.0, 100.0), st.booleans(), st.integers(0, 1000))
 def test_a_motorola_multiplexed_command_is_cantools_own(angle, speed, enable, counter):
-    theirs = cantools.database.load_string(DBC, "dbc")
+    theirs = THEIRS
     file = mapping.msgspec.convert(tomllib.loads(MOTOROLA), mapping.BusFile)
     from sidestep.controller.can_port.codec import catalogue
 
@@ -151,12 +160,10 @@ def test_what_comes_back(bus):
         assert decoded(described, message, data)["Fault"] == (state is ActuatorState.FAULT)
 
 
-@pytest.mark.parametrize("name", [name for name in built_in_maps() if tomllib.loads(
-    (MAPS / f"{name}.toml").read_text()).get("dbc")])  # fmt: skip
+@pytest.mark.parametrize("name", SHIPPED)
 @given(angle=st.floats(-0.05, 0.05), counter=st.integers(0, 100), enable=st.booleans())
 def test_shipped_maps_are_within_half_a_step(name, angle, counter, enable):
-    described = mapped_bus(name, wheelbase=2.8)
-    message = described.messages["STEER_CMD"]
+    message = SHIPPED[name].messages["STEER_CMD"]
     data = encode_steer_command(SteeringCommand(0.0, angle, 15.0), counter, enable, 0.5, message)
     number = message.numbers[0]
     step = abs(number.signal.scale / number.ratio) * (2.8 * 1.01 if name == "ford" else 1.0)
@@ -278,7 +285,7 @@ def test_other_formats_come_in(tmp_path, kind):
     (("cycle_ms = 20", "cycle_ms = 1"), "feedback[0].cycle_ms: 1 ms; allowed: >= 10 ms"),
     (("ACTIVE = [3, 4]", "BUSY = [3]"), "feedback[0].state.values: unknown state 'BUSY'"),
     (('angle = { signal = "Angle"', 'curvature = { signal = "Angle"'), None),
-    (("[[feedback]]", "[identifiers]\nVEH_DYN = 0x120\n[[feedback]]"), "0x120 would be both STEER_CMD and VEH_DYN"),
+    (("[[feedback]]", "[identifiers]\nVEH_DYN = 0x120\n[[feedback]]"), "0x120 is both STEER_CMD and VEH_DYN"),
     (("[[feedback]]", "[identifiers]\nSPEED = 5\n[[feedback]]"), "identifiers.SPEED: none of our messages"),
     (("[[feedback]]", "[limits]\nrate = -1.0\n[[feedback]]"), "limits.rate: -1.0; allowed: a finite number > 0"),
 ])  # fmt: skip

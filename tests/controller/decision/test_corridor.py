@@ -9,6 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sidestep.controller.decision.corridor import (
+    Motion,
+    Way,
     corridor_bounds,
     excess_over,
     footprint_bounds,
@@ -16,8 +18,14 @@ from sidestep.controller.decision.corridor import (
     obstacle_polygons,
     path_reference,
 )
+from sidestep.controller.decision.view import View
 from sidestep.controller.records import GRID, NODES, WORK, filled
 from sidestep.plant_models.road.reference_path import Arc, ReferencePath
+
+
+def seen(outlines, speed=0.0):
+    count = len(outlines)
+    return View(outlines, np.full(count, speed), np.zeros(count, np.int64), np.full(count, np.inf))
 
 
 def polygon_of(box, curvature=0.0):
@@ -52,11 +60,11 @@ def test_box_on_a_bend_is_its_cartesian_box():
 def test_bounds_are_the_nearest_faces_on_each_side():
     outlines = np.stack([polygon_of((10.0, 2.5, 4.0, 1.0, 0.0, 0.0)), polygon_of((11.0, -2.0, 4.0, 1.0, 0.0, 0.0))])
     stations, reach, times = np.array([5.0, 8.5, 11.0, 20.0]), np.full(4, 0.5), np.zeros(4)
-    ways = (stations, times, reach, 0.0, np.zeros(4), np.zeros(4), outlines, np.zeros(2))
-    right, left = corridor_bounds(*ways, np.array([-1, 1]), -4.0, 4.0)
+    way, view = Way(stations, times, reach, np.zeros(4), np.zeros(4)), seen(outlines)
+    right, left = corridor_bounds(way, view, np.array([-1, 1]), (-4.0, 4.0), 0.0)
     assert left == pytest.approx([4.0, 2.0, 2.0, 4.0])
     assert right == pytest.approx([-4.0, -1.5, -1.5, -4.0])
-    ignored, _ = corridor_bounds(*ways, np.array([-1, 0]), -4.0, 4.0)
+    ignored, _ = corridor_bounds(way, view, np.array([-1, 0]), (-4.0, 4.0), 0.0)
     assert ignored == pytest.approx(np.full(4, -4.0))
 
 
@@ -66,8 +74,8 @@ def test_a_box_bounds_the_path_where_it_begins_and_ends():
     stations, direction, bend = np.array([6.0, 7.5, 10.0, 12.5]), np.full(4, 0.1), np.full(4, 0.02)
 
     def left(buffer):
-        return corridor_bounds(stations, np.zeros(4), np.ones(4), buffer, direction, bend, outline, np.zeros(1),
-                               np.array([-1]), -4.0, 4.0)[1]  # fmt: skip
+        way = Way(stations, np.zeros(4), np.ones(4), direction, bend)
+        return corridor_bounds(way, seen(outline), np.array([-1]), (-4.0, 4.0), buffer)[1]
 
     def carried(away):
         return 2.0 - 0.1 * away - 0.01 * away**2
@@ -78,10 +86,8 @@ def test_a_box_bounds_the_path_where_it_begins_and_ends():
 
 def test_moving_box_is_where_it_is_at_the_time():
     outline = polygon_of((10.0, 2.5, 4.0, 1.0, 0.0, 5.0))[None]
-    _, left = corridor_bounds(
-        np.array([10.0, 10.0]), np.array([0.0, 2.0]), np.zeros(2), 0.0, np.zeros(2), np.zeros(2), outline,
-        np.array([5.0]), np.array([-1]), -4.0, 4.0,
-    )  # fmt: skip
+    way = Way(np.array([10.0, 10.0]), np.array([0.0, 2.0]), np.zeros(2), np.zeros(2), np.zeros(2))
+    _, left = corridor_bounds(way, seen(outline, 5.0), np.array([-1]), (-4.0, 4.0), 0.0)
     assert left == pytest.approx([2.0, 4.0])
 
 
@@ -89,11 +95,11 @@ def test_footprint_bounds_hold_the_whole_side_of_a_turning_car():
     """A car whose two ends just touch their bounds keeps its whole side out of the box, swept along a circle."""
     radius, front, rear, half = 40.0, 2.1, 2.4, 0.8
     turn = 1.0 / radius
-    bounds = footprint_bounds(
-        np.zeros(1), np.zeros(1), np.zeros(1), 0.0, (front, -rear), np.array([half]), np.zeros(1), np.array([turn]),
-        np.zeros(1),
-        polygon_of((0.0, 3.0, 60.0, 2.0, 0.0, 0.0))[None], np.zeros(1), np.array([-1]), -9.0, 9.0,
-    )  # fmt: skip
+    still = np.zeros(1)
+    motion = Motion(still, still, still, still, np.array([turn]), still)
+    grid = filled(GRID, {"levers": (front, -rear), "clearance": [half]})[0]
+    outline = polygon_of((0.0, 3.0, 60.0, 2.0, 0.0, 0.0))[None]
+    bounds = footprint_bounds(motion, seen(outline), np.array([-1]), (-9.0, 9.0), 0.0, grid)
     chord = (front + rear) ** 2 / 8.0 / radius
     assert bounds[1, 0] == pytest.approx(2.0 - half - chord)
     assert bounds[0, 0] == pytest.approx(-9.0 + half)
@@ -101,10 +107,10 @@ def test_footprint_bounds_hold_the_whole_side_of_a_turning_car():
 
 def test_contradicting_bounds_close_to_one_line():
     outlines = np.stack([polygon_of((0.0, 1.0, 9.0, 1.0, 0.0, 0.0)), polygon_of((0.0, -1.0, 9.0, 1.0, 0.0, 0.0))])
-    bounds = footprint_bounds(
-        np.zeros(1), np.zeros(1), np.zeros(1), 0.0, (2.0, -2.0), np.array([0.9]), np.zeros(1), np.zeros(1),
-        np.zeros(1), outlines, np.zeros(2), np.array([-1, 1]), -4.0, 4.0,
-    )  # fmt: skip
+    still = np.zeros(1)
+    grid = filled(GRID, {"levers": (2.0, -2.0), "clearance": [0.9]})[0]
+    motion = Motion(still, still, still, still, still, still)
+    bounds = footprint_bounds(motion, seen(outlines), np.array([-1, 1]), (-4.0, 4.0), 0.0, grid)
     assert bounds[:, 0] == pytest.approx(np.zeros(4), abs=1e-12)
 
 

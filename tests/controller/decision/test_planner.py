@@ -9,21 +9,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sidestep.controller.decision.corridor import obstacle_polygons
-from sidestep.controller.decision.lattice import LATERAL_STEP, arrival_times, shortest_path
-from sidestep.controller.decision.planner import (
+from sidestep.controller.decision.costs import (
     APPROACH_SHARE,
     BLOCKED_COST,
     COLLISION_COST,
     FAR_SHARE,
-    FREE,
-    GAP_TOO_NARROW,
     RETURN_SHARE,
     RETURN_TIME,
-    PlannedPath,
-    PlannerSettings,
+    Lattice,
     node_costs,
-    plan_path,
 )
+from sidestep.controller.decision.lattice import LATERAL_STEP, arrival_times, shortest_path
+from sidestep.controller.decision.planner import FREE, GAP_TOO_NARROW, PlannedPath, PlannerSettings, Start, plan_path
+from sidestep.controller.decision.view import View
 
 SETTINGS = PlannerSettings(
     front=2.12, rear=2.39, reach=1.35, half_width=0.805, buffer=0.2, tightening=0.03, margin_time=0.01,
@@ -39,7 +37,8 @@ def search(boxes, speed=15.0, offset=0.0, committed=None, station=0.0, settings=
     polygons = obstacle_polygons(boxes, np.zeros(len(boxes)))
     committed = np.zeros(len(boxes), dtype=np.int64) if committed is None else np.array(committed)
     certain = np.full(len(boxes), math.inf)
-    return plan_path(station, offset, speed, speed, polygons, boxes[:, 5].copy(), committed, certain, settings)
+    view = View(polygons, boxes[:, 5].copy(), committed, certain)
+    return plan_path(Start(station, offset, speed, speed), view, settings)
 
 
 def brute_force(cost, first_weight, weight, reach, start, start_reach):
@@ -82,11 +81,12 @@ def test_free_road_is_followed():
 def test_node_costs_are_those_of_the_paper():
     box = np.array([[20.0, 0.0, 4.0, 2.0, 0.0, 0.0]])
     stations, offsets = np.arange(1.0, 60.0), np.arange(-3.0, 3.01, 0.5)
-    speeds, committed = np.zeros(1), np.zeros(1)
+    speeds, committed = np.zeros(1), np.zeros(1, np.int64)
 
     def costs(certain):
         polygons, certain = obstacle_polygons(box, np.zeros(1)), np.array([certain])
-        return node_costs(stations, stations / 15.0, offsets, 15.0, polygons, speeds, committed, certain, SETTINGS)
+        nodes, view = Lattice(stations, stations / 15.0, offsets), View(polygons, speeds, committed, certain)
+        return node_costs(nodes, 15.0, view, SETTINGS)
 
     cost, settled = costs(math.inf)
     assert settled == pytest.approx(22.0 + SETTINGS.rear + 15.0 * RETURN_TIME * math.sqrt(1.0 + HARD))
@@ -208,5 +208,6 @@ def test_slow_leader_blocks_even_when_followed_at_its_speed():
     box = np.array([[7.0, 0.0, 4.5, 6.5, 0.0, 5.0]])
     polygons = obstacle_polygons(box, np.zeros(1))
     everywhere = np.full(1, math.inf)
-    path = plan_path(0.0, 0.0, 5.0, 15.0, polygons, np.array([5.0]), np.zeros(1, np.int64), everywhere, SETTINGS)
+    view = View(polygons, np.array([5.0]), np.zeros(1, np.int64), everywhere)
+    path = plan_path(Start(0.0, 0.0, 5.0, 15.0), view, SETTINGS)
     assert PlannedPath(*path).blocker == 0

@@ -7,8 +7,8 @@ import pytest
 from fmu_files import FOREIGN_MAP
 from odd_fmus import Odd
 
-from sidestep.fmu.importing import driven_check
-from sidestep.fmu.importing.driven_check import check_driven
+from sidestep.fmu.importing.checks import driven_check
+from sidestep.fmu.importing.checks.driven_check import check_driven
 from sidestep.fmu.importing.isolation import IsolatedPlant
 from sidestep.fmu.importing.plant import FmuPlant
 from sidestep.plant_models.checks.conventions import clock, determinism, signs
@@ -48,7 +48,7 @@ HAND_WHEEL_NOW = HAND_WHEEL.replace('"HandWheel"', '"HandWheelAngle"')
 WRONG = {
     "sign of the steering": ([(HAND_WHEEL, HAND_WHEEL.replace("-1", "1"))], "gives a steer_angle of -0.03, not"),
     "sign of both": (
-        [("sign = -1", "sign = 1")], "Steering 0.03 rad to the left gives a yaw_rate of -0.114, not positive.",
+        [("sign = -1", "sign = 1")], "Steering 0.03 rad to the left gives a yaw_rate of -0.116, not positive.",
     ),
     "sign of the yaw": (
         [('variable = "Psi", unit = "deg"', 'variable = "Psi", unit = "deg", sign = -1')], "a yaw of -0.",

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from fmu_files import FOREIGN_MAP, changed, description, patched, reported_here, unpacked
 
-from sidestep.fmu.importing import findings
 from sidestep.fmu.importing.archive import unpack
-from sidestep.fmu.importing.findings import check_fmu
+from sidestep.fmu.importing.checks import findings
+from sidestep.fmu.importing.checks.findings import check_fmu
 from sidestep.fmu.importing.mapping import Mapping
 from sidestep.fmu.importing.proposal import describe, propose_mapping
 from sidestep.fmu.native.build import build_fmu

@@ -11,7 +11,7 @@ import pytest
 from fmu_files import unpacked
 from odd_fmus import ROWS, SOURCE, Odd
 
-from sidestep.fmu.importing.findings import check_fmu
+from sidestep.fmu.importing.checks.findings import check_fmu
 from sidestep.fmu.importing.isolation import IsolatedPlant
 from sidestep.fmu.importing.mapping import Mapping
 from sidestep.fmu.importing.plant import FmuPlant

@@ -193,8 +193,8 @@ def test_without_width_and_height_it_is_the_single_track():
             gaps.append(np.abs(drive(plant, VehicleState(v_x=15.0), command, 2.0) - expected).max())
     assert gaps[0] < 0.05
     assert gaps[1] / gaps[0] == pytest.approx(0.25, rel=0.1)  # falls with the square of the track
-    with plant_of(narrow(0.001)) as plant:
-        np.testing.assert_allclose(drive(plant, VehicleState(v_x=15.0), command, 2.0), expected, rtol=0, atol=1e-6)
+    with plant_of(narrow(0.05)) as plant:
+        assert np.abs(drive(plant, VehicleState(v_x=15.0), command, 2.0) - expected).max() < 0.012 * gaps[0]
 
 
 def test_load_transfer_costs_grip_where_tyres_are_sensitive_to_load_and_only_there():

@@ -167,7 +167,7 @@ BAD_LINES = [
     ("nominal_load = 2681.3", "nominal_load = 0", "vehicle.tyre.nominal_load", "1 to 1e+06 N"),
     ("nominal_load = 2681.3", "p_dy1 = nan", "vehicle.tyre.p_dy1", ""),
     ("nominal_load = 2681.3", "grip = 1", "vehicle.tyre.grip", "nominal_load"),
-    ("track_rear = 1.364", "track_rear = 0", "vehicle.suspension.track_rear", "0.001 to 20 m"),
+    ("track_rear = 1.364", "track_rear = 0", "vehicle.suspension.track_rear", "0.05 to 20 m"),
     ("track_rear = 1.364", "", "vehicle.suspension", ""),
 ]
 

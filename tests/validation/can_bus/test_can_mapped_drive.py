@@ -20,7 +20,8 @@ from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.validation.can_bus import drive as can_run
-from sidestep.validation.can_bus.drive import drive_virtual, within
+from sidestep.validation.can_bus.drive import drive_virtual
+from sidestep.validation.can_bus.limits import within
 from sidestep.validation.can_bus.monitor import Observer
 from sidestep.validation.can_bus.replay import compare
 from sidestep.validation.cli.main import main

@@ -75,7 +75,7 @@ def test_the_controller_drives_a_scenario_as_a_manoeuvre(tmp_path, capsys):
     command = ["validate", "--manoeuvre", "single-obstacle", "--plant", "linear", "--junit", str(tmp_path / "j.xml")]
     assert main(command) == 0
     assert "clearance 0.2" in capsys.readouterr().out
-    assert main([*command, "--set", "duration=2"]) == 0
+    assert main([*command, "--set", "duration=4"]) == 0
     assert main([*command, "--set", "plant.measured_offset=1"]) == 1  # here it counts
     (case,) = ElementTree.parse(tmp_path / "j.xml").getroot()[0]
     assert case[0].get("message") in capsys.readouterr().out
@@ -152,7 +152,8 @@ def test_a_mapping_file_tells_identify_the_car(tmp_path, capsys):
     """Motion knows ratios to the mass alone: with another mass, other stiffnesses, as well explained."""
     table, found = tmp_path / "map.toml", []
     for told in ("", "[vehicle]\nmass = 1500.0\n"):
-        table.write_text(f"estimate = []\n{told}")
+        start = "".join(f'{name} = "{name}_0"\n' for name in ("x", "y", "yaw", "v_x", "v_y", "yaw_rate"))
+        table.write_text(f"estimate = []\n[start]\n{start}{told}")
         file = tmp_path / f"car{len(found)}.toml"
         line = ["identify", "--plant", str(build_fmu("linear")), "--map", str(table), "--out", str(file)]
         assert main(line) == 0

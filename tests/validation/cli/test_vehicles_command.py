@@ -7,7 +7,7 @@ import pytest
 from sidestep.plant_models.vehicle.library import library_cars
 from sidestep.plant_models.vehicle.parameters import VehicleParameters, vehicle_presets
 from sidestep.validation.cli.main import main
-from sidestep.validation.cli.vehicles import characteristic_speed, understeer
+from sidestep.validation.cli.vehicle_tables import characteristic_speed, understeer
 from sidestep.validation.scenarios.scenario import load_scenario
 
 

@@ -36,10 +36,10 @@ def test_our_own_plants_are_not_driven():
 
 INPUT = 'steer_angle = { variable = "HandWheel", unit = "deg", ratio = 16.0, sign = -1 }'
 REFUSED = {
-    "sign": ([("sign = -1", "sign = 1")], r"the car turns -0\.9\d+ times as much as .* \(the sign is turned\?\)"),
+    "sign": ([("sign = -1", "sign = 1")], r"the car turns -1 times as much as .* \(the sign is turned\?\)"),
     "ratio": (
         [(INPUT, INPUT.replace("ratio = 16.0, ", ""))],
-        r"the car turns 0\.05\d* times as much as .* \(a steering-wheel angle, whose ratio is not told\?\)",
+        r"the car turns 0\.0625 times as much as .* \(a steering-wheel angle, whose ratio is not told\?\)",
     ),
     "degrees": (
         [('variable = "Psi", unit = "deg"', 'variable = "Psi"')], r"turns 5\d\.\d times .* \(degrees for radians\?\)",

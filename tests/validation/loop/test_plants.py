@@ -10,6 +10,7 @@ import pytest
 from sidestep.plant_models.checks.check_plant import check_plant
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.linear.plant import LinearPlant
+from sidestep.plant_models.signals import SteeringCommand
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 from sidestep.validation.cli.main import main
 from sidestep.validation.loop import plant_factory, plants
@@ -32,6 +33,10 @@ class Shop:
         return plant
 
 def fussy(vehicle, wind): ...
+class Fragile(LinearPlant):
+    def step(self, command, dt):
+        return super().step(command, dt / (self._state.time < 0.5))
+
 def broken(vehicle): raise ValueError("no such car")
 def nothing(vehicle): return object()
 value = 3
@@ -134,6 +139,19 @@ def test_a_bad_factory_is_one_line(module, name, setting, problem, kind, capsys)
     assert capsys.readouterr().err.count("\n") == 1
 
 
+def test_a_plant_that_breaks_down_ends_the_run_and_leaves_no_traceback(module, tmp_path, capsys):
+    name = f"{module}:Fragile"
+    assert main(["run", "single-obstacle", "--plant", name, "--can", "off", "--out", str(tmp_path / "r")]) in (1, 2)
+    told = capsys.readouterr()
+    assert "Traceback" not in told.out + told.err
+    with open_plant(scene(name)) as plant:
+        state = plant.reset(scene(name).start)
+        while state.time < 0.5:
+            state = plant.step(SteeringCommand(0.0, 0.0, 15.0), 0.01)
+        with pytest.raises(PlantError, match="ZeroDivisionError"):
+            plant.step(SteeringCommand(0.0, 0.0, 15.0), 0.01)
+
+
 @pytest.fixture
 def package(module, tmp_path):
     """As pip installs it: metadata beside the module."""
@@ -150,7 +168,7 @@ def package(module, tmp_path):
 
 def test_a_package_gives_its_plant_a_name(package):
     with open_plant(scene("shop-car")) as plant:
-        assert isinstance(plant, LinearPlant)
+        assert plant.seen[0] == 1
     with pytest.raises(InputError, match=r"unknown plant 'shop-cat', did you mean shop-car\?"):
         open_plant(scene("shop-cat"))
 
@@ -173,7 +191,7 @@ def test_it_runs_alone_and_on_a_bus(can, at_root, tmp_path):
 
 def test_it_is_a_node_on_a_bus_between_processes(at_root, multicast_spec, tmp_path, monkeypatch):
     monkeypatch.setattr(report, "run_report", lambda run: "<!doctype html>")
-    common = ["single-obstacle", "--can", multicast_spec, "--set", "duration=1.0"]
+    common = ["single-obstacle", "--can", multicast_spec, "--set", "duration=4.0"]
     command = [sys.executable, "-m", "sidestep.validation", "can", "drive", *common, "--out", str(tmp_path / "c")]
     with subprocess.Popen(command) as controller:
         assert main(["can", "plant", *common, "--plant", NAME, "--out", str(tmp_path / "p")]) == 0
