@@ -131,6 +131,8 @@ def read_log(path: Path, channel: str | None = None, report: LogReport | None = 
         why = error.strerror if isinstance(error, OSError) and error.strerror else str(error) or type(error).__name__
         place = f"line {lines.number}: " if lines.number else ""
         if not any_frame:
+            if isinstance(error, struct.error):
+                why = f"its content is not that of its ending ({why})"
             raise InputError(str(path), f"cannot read the CAN log: {place}{why}", _allowed()) from error
         count = report.frames.total() + report.others.total()
         report.damage = f"damaged: {place}{why}; {count} frames read before"

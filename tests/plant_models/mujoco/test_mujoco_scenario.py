@@ -64,12 +64,12 @@ def test_a_file_of_heights_reaches_the_plant_from_the_scenario_s_folder(tmp_path
 @pytest.mark.parametrize(
     ("override", "where"),
     [
-        ("plant.tyre=rubber", "moose: plant.tyre"),
-        ("plant.grade=3.0", "moose: plant.grade"),
-        ("plant.patches=[{s=20, l=0, length=10, width=8}]", r"moose: plant.patches[0].friction"),
-        ("plant.heights={spacing=1.0}", "moose: plant.heights.path"),
-        ("plant.heights={path='h.csv', spacing=0.0}", "moose: plant.heights.spacing"),
-        ("plant.patches=[{s=20, l=0, length=-1, width=8, friction=0.5}]", "moose: plant.patches[0].length"),
+        ("plant.tyre=rubber", "plant.tyre"),
+        ("plant.grade=3.0", "plant.grade"),
+        ("plant.patches=[{s=20, l=0, length=10, width=8}]", r"plant.patches[0].friction"),
+        ("plant.heights={spacing=1.0}", "plant.heights.path"),
+        ("plant.heights={path='h.csv', spacing=0.0}", "plant.heights.spacing"),
+        ("plant.patches=[{s=20, l=0, length=-1, width=8, friction=0.5}]", "plant.patches[0].length"),
     ],
 )
 def test_bad_values_are_named_by_their_key(override, where):

@@ -231,9 +231,18 @@ def test_options_that_exclude_each_other_or_make_no_sense(arguments, words, caps
         (["can", "faults", "--spec", "a.toml", "--seed", "0"], "--seed: makes no difference beside --spec"),
         (["can", "replay", "a.blf", "--out", "x"], "--out: makes no difference without --what-if"),
         (["can", "replay", "a.blf", "--what-if", "moose", "--can", "socketcan:vcan0"], "--can: makes no difference"),
-        (["can", "replay", "a.blf", "--what-if", "moose"], "a.blf: cannot be read (No such file or directory); al"),
-        (["can", "replay", "junk.blf", "--what-if", "moose"], "junk.blf: cannot be read (no CAN log of the kind .bl"),
-        (["can", "replay", "junk.csv", "--what-if", "moose"], "junk.csv: holds no CAN frame; allowed: .blf, .asc"),
+        (
+            ["can", "replay", "a.blf", "--what-if", "moose"],
+            "a.blf: cannot read the CAN log: No such file or",
+        ),
+        (
+            ["can", "replay", "junk.blf", "--what-if", "moose"],
+            "junk.blf: cannot read the CAN log: its content is not",
+        ),
+        (
+            ["can", "replay", "junk.csv", "--what-if", "moose"],
+            "junk.csv: cannot read the CAN log: line 1: the head",
+        ),
     ],
 )
 def test_fmu_and_can_say_what_cannot_be_used(arguments, words, tmp_path, capsys):

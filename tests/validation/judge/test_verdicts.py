@@ -264,6 +264,6 @@ def test_one_file_makes_the_controller_of_a_scenario():
         str(file.relative_to(ROOT))
         for folder in ("validation", "examples", "benchmarks")
         for file in (ROOT / folder).rglob("*.py")
-        if re.search(r"SteeringController\(\s*(scenario|scene|SCENE|now)\.", file.read_text())
+        if re.search(r"\b(SteeringController|kind)\(\s*(scenario|scene|SCENE|now)\.", file.read_text())
     ]
     assert made == ["validation/loop/closed_loop.py"]
