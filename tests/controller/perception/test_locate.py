@@ -81,10 +81,13 @@ def test_wheels_cannot_go_beyond_their_stop():
 def test_the_body_leans_as_far_as_a_steady_turn_asks():
     """Learned while it is driven, at more than walking speed; somebody who missed a state starts again upright."""
     road, memory, body = ReferencePath.from_segments([Line(200.0)]), None, Body.of(BMW)
+    rolled = 0.0
     for k in range(150):
         state = VehicleState(time=PERIOD * k, v_x=15.0, yaw_rate=0.2)
         w, memory = located(road, state, 0, memory, rolls=True)
         assert (k == 0) == (w["roll"][0] == 0.0)
+        rolled += PERIOD * w["roll"][1]
+    assert rolled == pytest.approx(w["roll"][0], rel=0.1)  # what the rates add up to
     assert w["roll"][0] == pytest.approx(body.gain * 15.0 * 0.2 / body.stiffness, rel=0.01)
     assert abs(w["roll"][1]) < 1e-3
     for later, speed in ((2.0 * PERIOD, 15.0), (PERIOD, 2.9)):
