@@ -5,8 +5,9 @@ section 5 3 m and 12 m, 13.5 m and 12.5 m apart; the facing edges of sections 1 
 have their right edges in line. Beside the lanes everything is closed by boxes: a cone touched is a box touched.
 
 Throttle off: the standard lets the car roll from the entry on, without braking. The plants follow a target speed; here
-their speed control may neither drive nor brake, so that the tyres' drag alone slows the car. Before the entry the road
-is straight and nothing acts on the car: the entry speed is the one at the start.
+their speed control may neither drive nor brake, so that the tyres' drag alone slows the car, and the controller knows
+that: its prediction would count on a stop that the car does not make. Before the entry the road is straight and nothing
+acts on the car: the entry speed is the one at the start.
 """
 
 import math
@@ -21,7 +22,7 @@ from sidestep.plant_models.obstacle import Obstacle
 from sidestep.validation.console import number
 from sidestep.validation.files import made
 from sidestep.validation.judge.verdict import judge
-from sidestep.validation.loop.closed_loop import closed_loop
+from sidestep.validation.loop.closed_loop import closed_loop, open_controller
 from sidestep.validation.loop.delay_line import DelayLine
 from sidestep.validation.loop.plants import ROLLING, open_plant
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario
@@ -201,14 +202,15 @@ def scene(case: Case, plant: str, speed: float, overrides: Sequence[str] = ()) -
 
 
 def rolling(scenario: Scenario) -> Scenario:
-    """The scenario for a plant with the driver's feet off the pedals; the controller keeps its own."""
+    """The scenario with the driver's feet off the pedals."""
     return replace(scenario, vehicle=scenario.vehicle.with_(max_acceleration=COASTING, max_braking=COASTING))
 
 
 def drive(scenario: Scenario, delay: float = 0.0) -> Drive:
     """Through the lanes once, rolling."""
-    with open_plant(rolling(scenario)) as plant:
-        recording = closed_loop(scenario, plant, port=DelayLine(delay))
+    coasting = rolling(scenario)
+    with open_plant(coasting) as plant:
+        recording = closed_loop(scenario, plant, open_controller(coasting), DelayLine(delay))
     judgement = judge(recording, scenario)
     out = recording["s"][-1] - scenario.vehicle.rear_extent > ENTRY + sum(SECTIONS)
     clearance = judgement.min_clearance if judgement.min_clearance is not None else math.inf
