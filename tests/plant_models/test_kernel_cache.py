@@ -15,8 +15,8 @@ from sidestep.plant_models.kernels import kernel, source_stamp
 PACKAGE = Path(kernels.__file__).resolve().parent
 _CURVATURE = """
 import numpy as np
-from sidestep.plant_models.road import reference_path
-road = reference_path.ReferencePath.from_segments([reference_path.Arc(50.0, 0.01)])
+from sidestep.plant_models.road import reference_path, segments
+road = reference_path.ReferencePath.from_segments([segments.Arc(50.0, 0.01)])
 value = road.curvature(np.array([10.0]))[0]
 hits = sum(reference_path._curvatures.stats.cache_hits.values())
 print(value, hits, reference_path.__file__)

@@ -19,6 +19,7 @@ from sidestep.fmu.exporting.controller_variables import NAMES, OUTPUTS, controll
 from sidestep.fmu.exporting.export import export_controller
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.linear.plant import LinearPlant
+from sidestep.plant_models.obstacle import Obstacle
 from sidestep.validation.geometry import boxes, signed_clearance
 from sidestep.validation.scenarios.scenario import load_scenario
 
@@ -158,7 +159,7 @@ def test_a_vehicle_without_suspension_and_a_free_road(description):
 
 
 def test_clearance_follows_an_obstacle_that_moves(description):
-    moving = [{"s": 30.0, "l": 0.0, "length": 4.0, "width": 2.0, "heading": 0.0, "speed": 5.0}]
+    moving = [Obstacle(30.0, 0.0, 4.0, 2.0, speed=5.0).to_plain()]
     server = ControllerServer(description | {"obstacles": moving})
     gaps = []
     for time in (0.0, 1.0):
