@@ -3,12 +3,12 @@
 import os
 import signal
 import tempfile
-import time
 from functools import partial
 from multiprocessing import Pipe
 from pathlib import Path
 
 import pytest
+from endings import ends
 from fmu_files import START, patched
 
 from sidestep.controller import SteeringController
@@ -74,19 +74,13 @@ def test_a_crash_in_a_run_ends_its_recording_there(tmp_path, temporary):
     assert list(temporary.iterdir()) == []
 
 
-def _ends(how, say):
-    say("finding", "kept")
-    say("call", "the last call")
-    {"abort": os.abort, "exit": partial(os._exit, 3), "sleep": partial(time.sleep, 600.0), "return": int}[how]()
-
-
 @pytest.mark.parametrize(
     ("how", "message"),
     [("abort", "ended in the last call: SIGABRT"), ("exit", "ended in the last call: exit status 3"),
      ("sleep", "hangs: no answer to the last call within 4 s"), ("return", "")],
 )  # fmt: skip
 def test_findings_outlive_the_process_that_made_them(how, message):
-    found = reported(partial(_ends, how), 60.0 if how != "sleep" else 4.0)
+    found = reported(partial(ends, how), 60.0 if how != "sleep" else 4.0)
     assert found[0] == "kept"
     assert message in " ".join(found[1:])
     assert len(found) == (2 if message else 1)
