@@ -241,14 +241,14 @@ def _faults(options: argparse.Namespace) -> int:
 
 
 def _map(options: argparse.Namespace) -> int:
+    if options.list == (options.file is not None):
+        raise InputError("can map", "one thing at a time", "FILE, or --list")
     from sidestep.controller.can_port.codec.catalogue import built_in_maps, map_file
     from sidestep.controller.can_port.codec.foreign import load_database
     from sidestep.controller.can_port.codec.mapping import read_bus_file
     from sidestep.controller.can_port.codec.proposal import proposed
     from sidestep.validation.files import write_text
 
-    if options.list == (options.file is not None):
-        raise InputError("can map", "one thing at a time", "FILE, or --list")
     if options.list:
         refuse_beside("--list", {"--out": options.out})
         for name in built_in_maps():
