@@ -4,11 +4,9 @@ The two ends are two processes in real time, or one in virtual time. The car is 
 controller answers; then the co-simulation loop runs with the bus in the controller's place, one cycle at a time.
 """
 
-import gc
 import math
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -44,6 +42,7 @@ from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import STEP_UNITS, Recording
 from sidestep.validation.loop.start import reset_to
 from sidestep.validation.scenarios.scenario import Scenario
+from sidestep.validation.undisturbed import undisturbed
 
 PATIENCE = 120.0
 """How long a node waits for the other end, in [s]."""
@@ -207,7 +206,7 @@ def run_plant(
             plant.step(SteeringCommand(start.time, start.steer_angle, scenario.speed), CYCLE)
         with made(folder):
             link = RealTimeLink(resolve_spec(can, True), _VEHICLE, catalogue, folder / log, allow_real_bus)
-        with link, _undisturbed():
+        with link, undisturbed():
             recording = drive_over(link, node, plant, scenario, progress)
             link.send(node.leave())
     record = node.watch.record(link.strangers)
@@ -241,7 +240,7 @@ def run_controller(
     node = ControllerNode(controller, catalogue, bus.interface)
     with made(folder):
         link = RealTimeLink(resolve_spec(can, True), _CONTROLLER, catalogue, folder / log, allow_real_bus, True)
-    with link, _undisturbed():
+    with link, undisturbed():
         interrupted, share = _serve(link, node)
     if node.heard is None and not interrupted:
         raise InputError("can", f"no vehicle answers within {PATIENCE:g} s", "sidestep can plant on the same bus")
@@ -283,16 +282,3 @@ def _serve(link: RealTimeLink, node: ControllerNode) -> tuple[bool, float]:
 
 def _actuator(scenario: Scenario) -> ActuatorConfig:
     return ActuatorConfig(angle_limit=scenario.vehicle.steer_limit)
-
-
-@contextmanager
-def _undisturbed() -> Iterator[None]:
-    """No garbage collection among the deadlines."""
-    gc.collect()
-    gc.freeze()
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.enable()
-        gc.unfreeze()

@@ -9,14 +9,12 @@ taken of every step first, which keeps what the work of a step costs and drops w
 """
 
 import argparse
-import gc
 import os
 import platform
 import shlex
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, fields, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -44,6 +42,7 @@ from sidestep.validation.loop.plants import PLANT_KINDS, open_plant
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario
 from sidestep.validation.studies.bench_table import print_figures, print_solvers
 from sidestep.validation.studies.qp_solvers import installed_solvers, solve_all
+from sidestep.validation.undisturbed import undisturbed
 
 Array = NDArray[np.float64]
 
@@ -102,7 +101,7 @@ def measure(
         progress: Called with the part of the work that is done.
     """
     machine = _machine()
-    with _no_garbage_collection():
+    with undisturbed():
         drives = {kind: _drive(scenario, kind) for kind in PLANT_KINDS}
         progress(0.3)
         linear = drives["linear"]
@@ -226,18 +225,6 @@ def _errors(solutions: dict[str, list[Array]]) -> dict[str, float]:
         return {}
     exact = np.array([z[0] for z in solutions["daqp"]])
     return {name: float(np.abs(np.array([z[0] for z in found]) - exact).max()) for name, found in solutions.items()}
-
-
-@contextmanager
-def _no_garbage_collection() -> Iterator[None]:
-    gc.collect()
-    gc.freeze()
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.enable()
-        gc.unfreeze()
 
 
 def _machine() -> dict[str, Any]:

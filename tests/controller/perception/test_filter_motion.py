@@ -25,7 +25,7 @@ def linear(config=None):
     return made
 
 
-def compare(found, expected):
+def assert_derivatives_agree(found, expected):
     """The tyres' lag and the implicit step change with speed, too: derivatives by v_x are nearly so only."""
     others = np.arange(STATES) != layout.V_X
     np.testing.assert_allclose(found[..., others], expected[..., others], rtol=1e-5, atol=1e-6)
@@ -40,7 +40,7 @@ def test_transition_is_the_derivative_of_the_prediction(speed, command):
     transition = np.eye(STATES)
     transition[: layout.BIAS] = estimator._work["transition"][0, : layout.BIAS]
     ends = [[predicted(estimator, x + s * row, command)["x"][0] for s in (step, -step)] for row in np.eye(STATES)]
-    compare(transition, np.array([(above - below) / (2.0 * step) for above, below in ends]).T)
+    assert_derivatives_agree(transition, np.array([(above - below) / (2.0 * step) for above, below in ends]).T)
 
 
 @pytest.mark.parametrize("speed", [1.0, 3.0, 15.0, 30.0])
@@ -57,7 +57,7 @@ def test_row_is_the_derivative_of_what_a_signal_should_show(speed):
             (value(signal, x + step * row) - value(signal, x - step * row)) / (2.0 * step) for row in np.eye(STATES)
         ]
         value(signal, x)
-        compare(estimator._work["row"][0], np.array(slopes))
+        assert_derivatives_agree(estimator._work["row"][0], np.array(slopes))
 
 
 def test_prediction_is_the_controllers_nonlinear_model():
