@@ -3,13 +3,14 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.validation.loop.cosimulation import Controller
 from sidestep.validation.loop.recording import Array
+from sidestep.validation.loop.wrapped import Wrapped
 from sidestep.validation.scenarios.plant_settings import PlantSettings
 from sidestep.validation.scenarios.scenario import Scenario
 
@@ -41,26 +42,22 @@ def sensed(controller: Sensed, scenario: Scenario) -> "Sensed | ImperfectMeasure
     return ImperfectMeasurement(controller, settings) if settings.noise or settings.measured_offset else controller
 
 
-class ImperfectMeasurement:
+class ImperfectMeasurement(Wrapped):
     """A controller behind sensors that err; the same settings give the same errors."""
 
     def __init__(self, controller: Controller, settings: PlantSettings):
-        self.controller, self.settings = controller, settings
+        super().__init__(controller)
+        self.settings = settings
         self._random = np.random.default_rng(self.settings.noise_seed)
-
-    @property
-    def plan(self) -> Any:
-        """The plan behind the last command."""
-        return self.controller.plan
 
     def reset(self) -> None:
         """Forget the past, noise included."""
         self._random = np.random.default_rng(self.settings.noise_seed)
-        self.controller.reset()
+        super().reset()
 
     def step(self, state: VehicleState) -> SteeringCommand:
         """The controller's answer to the state as it is measured."""
         offset = self.settings.measured_offset
         shift = np.array([0.0, -offset * math.sin(state.yaw), offset * math.cos(state.yaw), 0.0, 0.0, 0.0, 0.0, 0.0])
         errors = shift + self.settings.noise * _DEVIATIONS * self._random.standard_normal(len(_DEVIATIONS))
-        return self.controller.step(VehicleState(*map(float, np.array(astuple(state)) + errors)))
+        return super().step(VehicleState(*map(float, np.array(astuple(state)) + errors)))

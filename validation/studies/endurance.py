@@ -15,7 +15,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -30,6 +29,7 @@ from sidestep.validation.loop.closed_loop import closed_loop, open_controller
 from sidestep.validation.loop.cosimulation import Controller
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import Recording
+from sidestep.validation.loop.wrapped import Wrapped
 from sidestep.validation.scenarios.scenario import Scenario, parse_scenario
 from sidestep.validation.studies.limits import (
     PLANT_OPTION,
@@ -212,23 +212,16 @@ def resident_memory() -> float:
     return next((float(line.split()[1]) / 1024.0 for line in lines if line.startswith("VmRSS")), math.nan)
 
 
-class _Timed:
+class _Timed(Wrapped):
     """A controller whose steps' processor time is taken, in [us]."""
 
     def __init__(self, controller: Controller):
-        self._controller = controller
+        super().__init__(controller)
         self.times: list[float] = []
-
-    @property
-    def plan(self) -> Any:
-        return self._controller.plan
-
-    def reset(self) -> None:
-        self._controller.reset()
 
     def step(self, state: VehicleState) -> SteeringCommand:
         began = time.thread_time_ns()
-        command = self._controller.step(state)
+        command = super().step(state)
         self.times.append((time.thread_time_ns() - began) / 1000.0)
         return command
 
