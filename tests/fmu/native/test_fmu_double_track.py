@@ -1,12 +1,13 @@
 """The double-track core: its equations, written again here, what physics says of any car, and its limits."""
 
 import math
-from dataclasses import astuple, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from fmu_files import CAR
 from integration import integrate
+from native_drive import drive, read
 
 from sidestep.fmu.exporting.export import start_plant
 from sidestep.fmu.importing.plant import FmuPlant
@@ -29,19 +30,6 @@ SHIFTED = replace(CAR.tyre, p_hy1=0.002, p_vy1=0.02, p_vy2=0.01, p_ey1=-1.0, p_e
 
 def plant_of(car=CAR, **parameters):
     return FmuPlant.native(car, model="double-track", **parameters)
-
-
-def drive(plant, start, command, duration, dt=0.02):
-    rows = [plant.reset(start)]
-    for k in range(round(duration / dt)):
-        rows.append(plant.step(SteeringCommand(0.0, *command(k * dt)), dt))
-    return np.array([astuple(row) for row in rows])
-
-
-def read(plant, *names):
-    port = plant._fmu.port(list(names))
-    plant._fmu.get(port)
-    return np.array(port.values)
 
 
 def rates(state, steer_command, target_speed, car, friction):

@@ -3,11 +3,12 @@
 import ctypes
 import itertools
 import math
-from dataclasses import astuple, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from integration import integrate
+from native_drive import drive, read
 
 from sidestep.fmu.importing.plant import FmuPlant
 from sidestep.fmu.native.build import source_files
@@ -25,21 +26,6 @@ MODEL = MODELS["single-track"]
 REFERENCE = {row.name: reference for reference, row in enumerate(MODEL.variables)}
 STATES = ["x", "y", "yaw", "v_x", "v_y", "yaw_rate", "front_slip", "rear_slip", "steer_angle"]
 COMMON = [0, 1, 2, 3, 4, 5, 8]  # those of the states that VehicleState holds, in its order
-
-
-def drive(plant, start, command, duration, dt=0.02):
-    """States from the reset on, one a row: time, x, y, yaw, v_x, v_y, yaw_rate, steer_angle."""
-    rows = [plant.reset(start)]
-    for k in range(round(duration / dt)):
-        rows.append(plant.step(SteeringCommand(0.0, *command(k * dt)), dt))
-    return np.array([astuple(row) for row in rows])
-
-
-def read(plant, *names):
-    """Values of further variables of the FMU."""
-    port = plant._fmu.port(list(names))
-    plant._fmu.get(port)
-    return np.array(port.values)
 
 
 def rates(state, steer_command, target_speed, car, friction):
