@@ -1,7 +1,8 @@
 """Scenarios driven over a bus: plant and steering actuator at one end, the controller at the other.
 
 The two ends are two processes in real time, or one in virtual time. The car is held at the start until the
-controller answers; then the co-simulation loop runs with the bus in the controller's place, one cycle at a time.
+controller answers, or several do; then the co-simulation loop runs with the bus in the controller's place, one cycle
+at a time.
 """
 
 import math
@@ -91,7 +92,7 @@ class FarController:
         for _ in range(round(PATIENCE / CYCLE)):
             self._waiting()
             now = self._cycle(state, valid=actuator.state is ActuatorState.STANDBY)
-            if actuator.state is ActuatorState.ACTIVE:
+            if actuator.state is ActuatorState.ACTIVE or self.node.watch.several_senders:  # these may never be followed
                 self.link.begin()
                 self.node.watch.begin(now)
                 return now

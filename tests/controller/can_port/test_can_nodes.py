@@ -14,6 +14,7 @@ from sidestep.controller.can_port.codec import messages as m
 from sidestep.controller.can_port.codec.catalogue import own_bus
 from sidestep.controller.can_port.codec.database import CYCLE, messages
 from sidestep.controller.can_port.codec.messages import ActuatorState
+from sidestep.controller.can_port.findings import findings
 from sidestep.controller.can_port.link import RealTimeLink, VirtualTimeLink
 from sidestep.controller.can_port.listener import STALE, StateListener
 from sidestep.controller.can_port.nodes import ControllerNode, VehicleNode
@@ -257,6 +258,34 @@ def test_no_controller_answers(monkeypatch):
     monkeypatch.setattr(ControllerNode, "step", lambda self, time, frames: [])
     with pytest.raises(InputError, match="no controller answers within"):
         drive()
+
+
+class TwoControllers(VirtualTimeLink):
+    """A bus with a second controller on it, whose counters are elsewhere."""
+
+    def __init__(self, apart):
+        catalogue = messages()
+        self.second = ControllerNode(Echo(), catalogue)
+        for _ in range(apart):
+            self.second.leave()
+        super().__init__(ControllerNode(Echo(), catalogue), catalogue=catalogue)
+        self.state = []
+
+    def receive(self):
+        return [*super().receive(), *self.second.step(self.time, self.state)]
+
+    def send(self, frames):
+        super().send(frames)
+        self.state = frames
+
+
+@pytest.mark.parametrize("apart", range(1, 16))
+def test_two_controllers_that_nobody_could_follow_let_the_car_go_and_are_named(apart):
+    node = VehicleNode(messages())
+    with LinearPlant(SCENE.vehicle) as plant:
+        recording = can_run.drive_over(TwoControllers(apart), node, plant, SCENE)
+    assert len(recording["time"]) > 10
+    assert findings(node.watch.record())[0].label == "second sender"
 
 
 # --- pacing
