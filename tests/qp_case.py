@@ -30,7 +30,7 @@ class Qp:
         middle, width = rng.normal(0.0, 0.5, (2, n)).cumsum(axis=1) * 0.1, rng.uniform(0.2, 2.0, (2, n))
         w["bounds"][0::2, :n], w["bounds"][1::2, :n] = middle - width, middle + width
         w["path"][:n], w["turn_rate"][:n] = rng.normal(0.0, 0.3, n), rng.normal(0.0, 0.05, n)
-        w["firmness"][:n], w["slip_limits"][:] = rng.uniform(0.03, 1.0, n), 0.1
+        w["tracking_share"][:n], w["slip_limits"][:] = rng.uniform(0.03, 1.0, n), 0.1
         w["before"][: n + 1] = rng.normal(0.0, spread, (n + 1, 6))
         w["disturbance"][:] = rng.normal(0.0, 200.0, 2)
         self.solver = PiqpSolver(self.moves, self.count, vehicle.steer_rate_limit)

@@ -184,7 +184,7 @@ def excess_over(w: Record, grid: Record) -> tuple[float, float]:
     """How far a prediction leaves its corridor.
 
     Args:
-        w: Work space: `heeded` bounds, see `footprint_bounds`, and `states`.
+        w: Work space: `slowing_bounds` bounds, see `footprint_bounds`, and `states`.
         grid: Record of `GRID`.
 
     Returns:
@@ -197,7 +197,7 @@ def excess_over(w: Record, grid: Record) -> tuple[float, float]:
             continue
         for end in range(2):
             value = w.states[k + 1, 0] + grid.levers[end] * w.states[k + 1, 1]
-            excess = max(w.heeded[2 * end, k] - value, value - w.heeded[2 * end + 1, k])
+            excess = max(w.slowing_bounds[2 * end, k] - value, value - w.slowing_bounds[2 * end + 1, k])
             worst = max(worst, excess)
             if excess > NOTICED:
                 first = min(first, grid.times[k])

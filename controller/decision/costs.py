@@ -39,12 +39,12 @@ def _way_back(last, speed, view, p):
     for m in range(view.speeds.shape[0]):
         polygon, pace = view.polygons[m], view.speeds[m]
         low, high = polygon[:, 1].min(), polygon[:, 1].max()
-        aside = p.half_width + p.buffer + min(p.reference - low, high - p.reference)
-        if aside > 0.5 * LATERAL_STEP and speed > pace:
+        needed = p.half_width + p.buffer + min(p.reference - low, high - p.reference)
+        if needed > 0.5 * LATERAL_STEP and speed > pace:
             behind = speed / (speed - pace) * (polygon[:, 0].max() + p.rear)
             if behind < last:
                 passed = max(passed, behind)
-                settled = max(settled, behind + RETURN_TIME * math.sqrt(aside) * speed)
+                settled = max(settled, behind + RETURN_TIME * math.sqrt(needed) * speed)
     return passed, settled
 
 
@@ -89,7 +89,7 @@ def _add_obstacle(cost, m, nodes, speed, view, p):
         along = max(begin + shift - stations[i] - p.reach, stations[i] - p.reach - end - shift, 0.0)
         if along > p.safe_distance + half_layer:
             continue
-        share = 1.0 if stations[i] <= view.certain[m] else FAR_SHARE
+        share = 1.0 if stations[i] <= view.met_until[m] else FAR_SHARE
         reach = half_layer + p.reach
         low, high = lateral_interval(polygon, shift, stations[i] - reach, stations[i] + reach)
         inside = low <= high

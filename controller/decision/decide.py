@@ -25,12 +25,12 @@ EDGE_TIME = 1.0
 
 
 @kernel
-def _firmness(stations, settled, pace, gentle):
-    """Field firmness of `Corridor`."""
+def _tracking_shares(stations, settled, pace, gentle):
+    """Share of the tracking costs at each node, see EASE."""
     full = min(max(2.0 * pace / FULL_EASE_SPEED - 1.0, 0.0), 1.0) if gentle else 0.0
-    firmness = np.where(stations < settled, EASE**full, 1.0)
-    firmness[-1] = max(firmness[-1], END_EASE)
-    return firmness
+    tracking_share = np.where(stations < settled, EASE**full, 1.0)
+    tracking_share[-1] = max(tracking_share[-1], END_EASE)
+    return tracking_share
 
 
 @kernel
@@ -59,7 +59,7 @@ def _drive_ahead(w, grid, road):
 
 
 @kernel
-def _heeded(bounds, motion, view, sides, c):
+def _slowing_bounds(bounds, motion, view, sides, c):
     """The bounds without what comes, and without the road's edges from EDGE_TIME before that on.
 
     Slowing down does not get the car away from what comes, which may drive it over the edge.
@@ -68,14 +68,14 @@ def _heeded(bounds, motion, view, sides, c):
     if not comes.any():
         return bounds
     others, times = np.where(comes, 0, sides), motion.times
-    heeded = footprint_bounds(motion, view, others, (p.right_edge, p.left_edge), c.buffer, grid)
+    slowing = footprint_bounds(motion, view, others, (p.right_edge, p.left_edge), c.buffer, grid)
     edgeless = footprint_bounds(motion, view, others, (-math.inf, math.inf), c.buffer, grid)
     for k in range(times.shape[0]):
-        if (heeded[:, k] != bounds[:, k]).any():
+        if (slowing[:, k] != bounds[:, k]).any():
             begin = np.searchsorted(times, times[k] - EDGE_TIME)
-            heeded[:, begin:] = edgeless[:, begin:]
+            slowing[:, begin:] = edgeless[:, begin:]
             break
-    return heeded
+    return slowing
 
 
 @kernel
@@ -128,15 +128,15 @@ def decide(
     motion, turn_rate = _drive_ahead(w, grid, road)
     offsets, slope = path_reference(path.stations, path.offsets, motion.stations, max(1.0, SLOPE_TIME * pace))
     bounds = footprint_bounds(motion, view, sides, (p.right_edge, p.left_edge), c.buffer, grid)
-    heeded = _heeded(bounds, motion, view, sides, c)
+    slowing = _slowing_bounds(bounds, motion, view, sides, c)
     if path.blocker >= 0:
         sides[path.blocker] = 0  # the car waits for it
-    firmness = _firmness(motion.stations, path.settled, pace, gentle and not blocked)
+    tracking_share = _tracking_shares(motion.stations, path.settled, pace, gentle and not blocked)
     for k in range(grid.nodes):
         w.stations[k], w.path[k], w.heading[k] = motion.stations[k], offsets[k], slope[k]
-        w.firmness[k], w.turn_rate[k] = firmness[k], turn_rate[k]
+        w.tracking_share[k], w.turn_rate[k] = tracking_share[k], turn_rate[k]
         for i in range(4):
-            w.bounds[i, k], w.heeded[i, k] = bounds[i, k], heeded[i, k]
+            w.bounds[i, k], w.slowing_bounds[i, k] = bounds[i, k], slowing[i, k]
     plan.layers = path.stations.shape[0]
     for i in range(plan.layers):
         plan.s[i], plan.l[i] = w.station + path.stations[i], path.offsets[i]

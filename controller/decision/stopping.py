@@ -54,7 +54,7 @@ def squeezed_speed(excess: float, room: float, blocked: bool, config: Record) ->
     """Target speed for a prediction that leaves the corridor, in [m/s]; infinite if that is no reason to slow down.
 
     Args:
-        excess: Of the prediction over `Corridor.heeded` without the tightening, in [m].
+        excess: Of the prediction over `slowing_bounds` without the tightening, in [m].
         room: From the front bumper to where it begins, in [m].
         blocked: Whether the road is blocked, too: then nothing is gained by creeping on.
         config: Settings of the controller.

@@ -24,13 +24,13 @@ class View(NamedTuple):
     Attributes:
         polygons, speeds: Outlines, shape (M, 8, 2), in [m], and speeds along the road, shape (M,), in [m/s].
         committed: Passing sides kept from the step before, 0 for none, shape (M,).
-        certain: Stations beyond which the car may stop before it meets an obstacle, shape (M,), in [m].
+        met_until: Stations beyond which the car may stop before it meets an obstacle, shape (M,), in [m].
     """
 
     polygons: Array
     speeds: Array
     committed: NDArray[np.int64]
-    certain: Array
+    met_until: Array
 
 
 @kernel

@@ -26,7 +26,7 @@ def plan_way(start: Start, view: View, held_up: bool, settings: Record) -> Plann
 
     Args:
         start: Where the car is, and how fast.
-        view: Obstacles, certain everywhere.
+        view: Obstacles, which are met everywhere.
         held_up: Whether the way was blocked in the step before.
         settings: PlannerSettings.
     """
@@ -40,8 +40,8 @@ def plan_way(start: Start, view: View, held_up: bool, settings: Record) -> Plann
     path = plan_path(start, swept, settings)
     if path.blocker == FREE:
         return path
-    certain = np.where(comes, np.inf, stop + settings.front)
-    path = plan_path(start, View(swept.polygons, swept.speeds, swept.committed, certain), settings)
+    met_until = np.where(comes, np.inf, stop + settings.front)
+    path = plan_path(start, View(swept.polygons, swept.speeds, swept.committed, met_until), settings)
     blocker = path.blocker
     # it comes along the only way
     if blocker >= 0 and comes[blocker] and (view.speeds[blocker] > 0.0 or path.room <= stop):
@@ -64,7 +64,7 @@ def _swept(start, view, comes, stop, settings):
             middle, width = 0.5 * (across.min() + across.max()), across.max() - across.min()
             lane = np.array([[0.5 * (begin + end), middle, end - begin, width, 0.0, 0.0]])
             polygons[m] = obstacle_polygons(lane, np.zeros(1))[0]
-    return View(polygons, standing, view.committed, view.certain)
+    return View(polygons, standing, view.committed, view.met_until)
 
 
 @kernel
@@ -72,16 +72,16 @@ def _way_out(offset, lateral, speed, settings):
     """How far a car that is in an obstacle's lane drives until it can be out of it, in [m]; 0 if it cannot."""
     hard, pace = settings.half_width + settings.buffer, max(speed, 1.0)
     right, left = lateral.min() - hard, lateral.max() + hard
-    aside = math.inf
+    sideways = math.inf
     if right >= settings.right_edge + hard:
-        aside = max(offset - right, 0.0)
+        sideways = max(offset - right, 0.0)
     if left <= settings.left_edge - hard:
-        aside = min(aside, max(left - offset, 0.0))
-    if aside == math.inf:
+        sideways = min(sideways, max(left - offset, 0.0))
+    if sideways == math.inf:
         return 0.0
     spacing = layer_spacing(speed)
     slope = max(int(min(settings.max_slope, settings.max_lateral_speed / pace) * spacing / LATERAL_STEP + 1e-9), 1)
-    return aside * spacing / (slope * LATERAL_STEP) + 2.0 * spacing + settings.reach
+    return sideways * spacing / (slope * LATERAL_STEP) + 2.0 * spacing + settings.reach
 
 
 @kernel
@@ -112,6 +112,6 @@ def _room_to_leave(gap, pace, lateral, path, settings):
     for i in range(path.stations.shape[0]):
         if abs(path.offsets[i] - wait) > LATERAL_STEP:
             there = path.stations[i]
-    aside = min(lateral.max() - wait, wait - lateral.min()) + settings.half_width + settings.buffer
+    sideways = min(lateral.max() - wait, wait - lateral.min()) + settings.half_width + settings.buffer
     least = max(0.5 * pace * pace / settings.comfort_braking, there)
-    return max(gap - max(aside, 0.0) / settings.max_slope, min(gap, least))
+    return max(gap - max(sideways, 0.0) / settings.max_slope, min(gap, least))

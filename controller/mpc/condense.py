@@ -48,11 +48,11 @@ def _propagate(k, w, grid):
         for j in range(STATES):
             value += e[i, j] * (free[k - 1, j] if k > 0 else w.x0[j])
         free[k, i] = value
-        l, phi, beta, gamma, delta, told = e[i, 0], e[i, 1], e[i, 2], e[i, 3], e[i, 4], e[i, 5]  # noqa: E741
+        l, phi, beta, gamma, delta, commanded = e[i, 0], e[i, 1], e[i, 2], e[i, 3], e[i, 4], e[i, 5]  # noqa: E741
         for q in range(moved):  # written out, the compiler makes vectors of it
             response[k, i, q] = (l * response[k - 1, 0, q] + phi * response[k - 1, 1, q]
                                  + beta * response[k - 1, 2, q] + gamma * response[k - 1, 3, q]
-                                 + delta * response[k - 1, 4, q] + told * response[k - 1, 5, q])  # fmt: skip
+                                 + delta * response[k - 1, 4, q] + commanded * response[k - 1, 5, q])  # fmt: skip
         for q in range(moved, grid.moves):
             response[k, i, q] = 0.0
         response[k, i, grid.block[k]] += e[i, RATE]

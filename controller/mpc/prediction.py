@@ -9,7 +9,7 @@ import math
 
 from sidestep.controller.mpc.car_model import axle_force, least_slope, slip_angles, tangent
 from sidestep.controller.mpc.discretise import WIDTH
-from sidestep.controller.mpc.roll import advance_roll, felt, lateral_acceleration
+from sidestep.controller.mpc.roll import advance_roll, lateral_acceleration, roll_effects
 from sidestep.controller.records import STATES
 from sidestep.plant_models.kernels import Array, Record, kernel
 
@@ -146,14 +146,14 @@ def touch(
         car: Car.
         line: Filled, shape (5,): see `linearise`.
     """
-    aside, moved_f, moved_r = felt(rolled[0], rolled[1], car.body)
+    roll_slip, moved_f, moved_r = roll_effects(rolled[0], rolled[1], car.body)
     v = max(speed, SLOWEST)
-    aside /= v
-    front, rear = slip_angles(motion[0] + aside, motion[1], motion[2], v, car)
+    roll_slip /= v
+    front, rear = slip_angles(motion[0] + roll_slip, motion[1], motion[2], v, car)
     slope_f, force_f = tangent(front, least[0], car.stiffness_f, car.load_f, car, moved_f)
     slope_r, force_r = tangent(rear, least[1], car.stiffness_r, car.load_r, car, moved_r)
-    line[0], line[1] = slope_f, force_f - slope_f * aside
-    line[2], line[3], line[4] = slope_r, force_r - slope_r * aside, aside
+    line[0], line[1] = slope_f, force_f - slope_f * roll_slip
+    line[2], line[3], line[4] = slope_r, force_r - slope_r * roll_slip, roll_slip
 
 
 @kernel
@@ -180,10 +180,10 @@ def sampled(rows: Array, column: int, time: float, grid: Record) -> float:
 
 
 @kernel
-def _rates(x, feels, v, turn_rate, disturbance, command, car, rates):
-    front, rear = slip_angles(x[2] + feels[0] / v, x[3], x[4], v, car)
-    force_f = axle_force(front, car.stiffness_f, car.load_f, car, feels[1]) + disturbance[0]
-    force_r = axle_force(rear, car.stiffness_r, car.load_r, car, feels[2]) + disturbance[1]
+def _rates(x, effects, v, turn_rate, disturbance, command, car, rates):
+    front, rear = slip_angles(x[2] + effects[0] / v, x[3], x[4], v, car)
+    force_f = axle_force(front, car.stiffness_f, car.load_f, car, effects[1]) + disturbance[0]
+    force_r = axle_force(rear, car.stiffness_r, car.load_r, car, effects[2]) + disturbance[1]
     rates[0] = v * (x[1] + x[2])
     rates[1] = x[3] - turn_rate
     rates[2] = (force_f + force_r) / (car.mass * v) - x[3]
@@ -226,11 +226,11 @@ def advance(
     if car.lag <= 1e-3:
         x[4] = command
     for _ in range(steps):
-        feels = felt(roll[0], roll[1], car.body)
+        effects = roll_effects(roll[0], roll[1], car.body)
         for i in range(STATES):
             before[i] = middle[i] = x[i]
         for stage in range(4):
-            _rates(middle, feels, v, turn_rate, disturbance, command, car, work[stage])
+            _rates(middle, effects, v, turn_rate, disturbance, command, car, work[stage])
             share = 1.0 if stage == 2 else 0.5
             for i in range(STATES):
                 middle[i] = x[i] + share * h * work[stage, i]

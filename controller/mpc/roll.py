@@ -83,7 +83,7 @@ def advance_roll(angle: float, rate: float, lateral: float, dt: float, body: Rec
 
 
 @kernel
-def felt(angle: float, rate: float, body: Record) -> tuple[float, float, float]:
+def roll_effects(angle: float, rate: float, body: Record) -> tuple[float, float, float]:
     """What the tyres feel.
 
     Returns:

@@ -33,7 +33,7 @@ def expect(now: Any, signal: Any, car: Any, c: Any, w: Any) -> Any:
     for i in range(STATES):
         row[i] = 0.0
     if signal == LATERAL:
-        return _felt(now, car, c, w)
+        return _lateral_force(now, car, c, w)
     row[signal] = 1.0
     if signal == YAW_RATE:
         row[BIAS] = 1.0
@@ -45,7 +45,7 @@ def expect(now: Any, signal: Any, car: Any, c: Any, w: Any) -> Any:
 
 
 @bare_kernel
-def _felt(now, car, c, w):
+def _lateral_force(now, car, c, w):
     """The accelerometer: v_y' + v_x yaw rate + lever yaw acceleration, less what gravity does."""
     x, row = now.x, w.row
     balance(now, x, x[STEER], now.steer_rate, car, c, w)

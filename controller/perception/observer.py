@@ -11,7 +11,7 @@ import math
 
 from sidestep.controller.mpc.car_model import axle_force, slip_angles
 from sidestep.controller.mpc.prediction import SLOWEST, tyre_lag
-from sidestep.controller.mpc.roll import felt, lateral_acceleration
+from sidestep.controller.mpc.roll import lateral_acceleration, roll_effects
 from sidestep.plant_models.kernels import Array, Record, kernel
 
 DISTURBANCE_TIME = 0.8
@@ -52,9 +52,9 @@ def _middle(before, now, i, share):
 @kernel
 def _model_forces(before, now, sensor, roll, v, period, car):
     share = tyre_lag(v, car.stiffness_f + car.stiffness_r, car) / period
-    aside, moved_f, moved_r = felt(roll[0], roll[1], car.body)
+    roll_slip, moved_f, moved_r = roll_effects(roll[0], roll[1], car.body)
     beta, gamma, delta = _middle(before, now, 2, share), _middle(before, now, 3, share), _middle(before, now, 4, share)
-    front, rear = slip_angles(beta + aside / v, gamma, delta + sensor, v, car)
+    front, rear = slip_angles(beta + roll_slip / v, gamma, delta + sensor, v, car)
     force_f = axle_force(front, car.stiffness_f, car.load_f, car, moved_f)
     return front, rear, force_f, axle_force(rear, car.stiffness_r, car.load_r, car, moved_r)
 

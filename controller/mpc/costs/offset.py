@@ -14,6 +14,6 @@ def offset(row: int, k: int, dt: float, w: Record, c: Record) -> None:
         w, c: Work space and settings.
     """
     w.residual[row] = w.free[k, 0] - w.path[k]
-    w.weight[row] = dt * w.firmness[k] * c.weights.offset
+    w.weight[row] = dt * w.tracking_share[k] * c.weights.offset
     for q in range(c.grid.block[k] + 1):
         w.gradient[row, q] = w.response[k, 0, q]

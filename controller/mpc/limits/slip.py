@@ -14,14 +14,14 @@ def slip(i: int, w: Record, c: Record) -> int:
     for n in range(grid.slips):
         k = grid.slip_nodes[n]
         v = max(w.speed[k], SLOWEST)
-        front, rear, aside = car.l_f / v, car.l_r / v, w.forces[grid.group[k], 4]
+        front, rear, roll_slip = car.l_f / v, car.l_r / v, w.forces[grid.group[k], 4]
         w.lines[i] = free[k, 4] - free[k, 2] - front * free[k, 3]
         w.lines[i + 1] = rear * free[k, 3] - free[k, 2]
         for q in range(grid.moves):
             w.slopes[i, q] = response[k, 4, q] - response[k, 2, q] - front * response[k, 3, q]
             w.slopes[i + 1, q] = rear * response[k, 3, q] - response[k, 2, q]
         for axle in range(2):
-            w.low[i + axle], w.high[i + axle] = aside - w.slip_limits[axle], aside + w.slip_limits[axle]
+            w.low[i + axle], w.high[i + axle] = roll_slip - w.slip_limits[axle], roll_slip + w.slip_limits[axle]
             w.slack[i + axle] = 1
         i += 2
     return i

@@ -124,7 +124,7 @@ def test_reference_is_interpolated_with_its_mean_slope():
 
 def test_excess_is_the_worst_of_both_ends_and_the_first_that_counts():
     grid = filled(GRID, {"nodes": 3, "times": [0.05, 0.2, 0.4], "levers": (2.0, -2.0)})[0]
-    work = filled(WORK, {"heeded": np.tile([[-0.5], [0.5], [-0.5], [0.5]], NODES)})
+    work = filled(WORK, {"slowing_bounds": np.tile([[-0.5], [0.5], [-0.5], [0.5]], NODES)})
     assert excess_over(work[0], grid) == (0.0, math.inf)
     states = work["states"][0]
     states[1:4, 0], states[1:4, 1] = [3.0, 0.505, 0.4], [0.0, 0.0, 0.1]

@@ -36,8 +36,8 @@ def search(boxes, speed=15.0, offset=0.0, committed=None, station=0.0, settings=
     boxes = np.array(boxes, dtype=float).reshape(-1, 6)
     polygons = obstacle_polygons(boxes, np.zeros(len(boxes)))
     committed = np.zeros(len(boxes), dtype=np.int64) if committed is None else np.array(committed)
-    certain = np.full(len(boxes), math.inf)
-    view = View(polygons, boxes[:, 5].copy(), committed, certain)
+    met_until = np.full(len(boxes), math.inf)
+    view = View(polygons, boxes[:, 5].copy(), committed, met_until)
     return plan_path(Start(station, offset, speed, speed), view, settings)
 
 
@@ -83,9 +83,9 @@ def test_node_costs_are_those_of_the_paper():
     stations, offsets = np.arange(1.0, 60.0), np.arange(-3.0, 3.01, 0.5)
     speeds, committed = np.zeros(1), np.zeros(1, np.int64)
 
-    def costs(certain):
-        polygons, certain = obstacle_polygons(box, np.zeros(1)), np.array([certain])
-        nodes, view = Lattice(stations, stations / 15.0, offsets), View(polygons, speeds, committed, certain)
+    def costs(met_until):
+        polygons, met_until = obstacle_polygons(box, np.zeros(1)), np.array([met_until])
+        nodes, view = Lattice(stations, stations / 15.0, offsets), View(polygons, speeds, committed, met_until)
         return node_costs(nodes, 15.0, view, SETTINGS)
 
     cost, settled = costs(math.inf)

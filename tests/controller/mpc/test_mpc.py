@@ -114,7 +114,7 @@ def cost(qp, states, z):
     a_y = (force_f + slope_f * alpha_f + force_r + slope_r * alpha_r) / BMW.mass
     tracking = c["offset"] * (states[:, 0] - w["path"][:n]) ** 2
     tracking += c["lateral_speed"] * (15.0 * (states[:, 1] - w["heading"][:n])) ** 2
-    stage = w["firmness"][:n] * tracking + c["acceleration"] * a_y**2
+    stage = w["tracking_share"][:n] * tracking + c["acceleration"] * a_y**2
     effort = (c["rate"] + c["jerk"] * steady_gain(15.0, qp.c["car"]) ** 2) * z[qp.grid["block"][:n]] ** 2
     slack = z[-2:] * SLACK_UNIT
     return 0.5 * (steps @ (terminal * stage + effort) + SLACK_CURVATURE * slack @ slack) + slack @ [
@@ -153,7 +153,7 @@ def test_each_node_counts_at_its_own_speed():
     without = w["P"].copy()
     qp.c["weights"]["lateral_speed"] += 1.0
     stack_costs(qp.w, qp.c)
-    share = np.diff(qp.times, prepend=0.0) / 0.1 * w["firmness"][:n] * speed**2
+    share = np.diff(qp.times, prepend=0.0) / 0.1 * w["tracking_share"][:n] * speed**2
     share[-1] *= 3.0
     assert (w["P"] - without)[: qp.moves, : qp.moves] == pytest.approx(heading.T @ (share[:, None] * heading), abs=1e-6)
 

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from sidestep.controller import ControllerConfig, SteeringController
 from sidestep.controller.mpc.car_model import Car, axle_force
 from sidestep.controller.mpc.prediction import advance, linearise
-from sidestep.controller.mpc.roll import Body, advance_roll, felt, roll_ahead
+from sidestep.controller.mpc.roll import Body, advance_roll, roll_ahead, roll_effects
 from sidestep.controller.records import WORK, record
 from sidestep.controller.settings import settings_of
 from sidestep.plant_models.errors import InputError
@@ -31,7 +31,7 @@ PERIOD = 0.02
 def test_steady_roll_balances_the_moment_of_the_lateral_force():
     angle, rate = advance_roll(0.0, 0.0, 5.0, 10.0, BODY)
     assert rate == pytest.approx(0.0, abs=1e-9)
-    _, front, rear = felt(angle, rate, BODY)
+    _, front, rear = roll_effects(angle, rate, BODY)
     assert BMW.suspension
     track_f, track_r = BMW.suspension.track_front, BMW.suspension.track_rear
     moment = front * track_f + rear * track_r
@@ -60,7 +60,7 @@ def test_a_raised_roll_axis_leaves_less_to_roll_and_the_same_to_carry():
     axis = (0.1 * carried[0] + 0.2 * carried[1]) / BMW.mass
     assert high.height == pytest.approx(BMW.cg_height - axis)
     angle, rate = advance_roll(0.0, 0.0, 5.0, 10.0, high)
-    _, front, rear = felt(angle, rate, high)
+    _, front, rear = roll_effects(angle, rate, high)
     moment = front * RAISED.suspension.track_front + rear * RAISED.suspension.track_rear
     assert moment == pytest.approx(BMW.mass * (BMW.cg_height * 5.0 + high.height * GRAVITY * angle), rel=1e-6)
     assert angle < 0.8 * advance_roll(0.0, 0.0, 5.0, 10.0, BODY)[0]
@@ -80,7 +80,7 @@ def test_mujoco_car_rolls_and_moves_load_as_told(car):
         state, t = new, t + PERIOD
         load = plant.signals()
         loads.append(
-            (*felt(*roll, body)[1:], *(0.5 * (load[f"load_{a}r"] - load[f"load_{a}l"]) for a in ("f", "r")))
+            (*roll_effects(*roll, body)[1:], *(0.5 * (load[f"load_{a}r"] - load[f"load_{a}l"]) for a in ("f", "r")))
         )  # fmt: skip
         w, x, y, z = plant.data.qpos[3:7]
         pairs.append((roll[0], math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))))
@@ -113,7 +113,7 @@ def test_rolling_rate_turns_the_slip_angles_and_moved_load_costs_force():
     aside = BMW.cg_height * 0.4 / 15.0
     assert lines[0, 4] == pytest.approx(aside)
     assert flat[0, 4] == 0.0
-    moved = felt(0.05, 0.4, BODY)[1]
+    moved = roll_effects(0.05, 0.4, BODY)[1]
     at = axle_force(0.05 - aside, CAR.stiffness_f, CAR.load_f, CAR, moved)
     assert lines[0, 1] + lines[0, 0] * 0.05 == pytest.approx(at)
     assert at < axle_force(0.05 - aside, CAR.stiffness_f, CAR.load_f, CAR)

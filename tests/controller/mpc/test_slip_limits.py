@@ -7,7 +7,7 @@ from sidestep.controller import ControllerConfig
 from sidestep.controller.mpc.car_model import slip_angles
 from sidestep.controller.mpc.limits.slip import slip
 from sidestep.controller.mpc.prediction import linearise
-from sidestep.controller.mpc.roll import felt
+from sidestep.controller.mpc.roll import roll_effects
 from sidestep.controller.records import MOVES, NODES, STATES, WORK, filled
 from sidestep.controller.settings import settings_of
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
@@ -33,11 +33,11 @@ def test_both_axles_have_their_own_limit_and_the_roll_that_their_tyres_feel():
     """From a bound it is as far as the tyres, moved sideways under a body that rolls, are from their limit."""
     w, grid, body = rolling_car(), SETTINGS[0]["grid"], SETTINGS[0]["car"]["body"]
     assert slip(0, w, SETTINGS[0]) == 2 * grid["slips"]
-    aside = felt(*ROLL, body)[0]
-    assert aside / SPEED > 5e-3
+    roll_slip = roll_effects(*ROLL, body)[0]
+    assert roll_slip / SPEED > 5e-3
     for n in range(grid["slips"]):
         state = w["free"][grid["slip_nodes"][n]]
-        angles = slip_angles(state[2] + aside / SPEED, state[3], state[4], SPEED, SETTINGS[0]["car"])
+        angles = slip_angles(state[2] + roll_slip / SPEED, state[3], state[4], SPEED, SETTINGS[0]["car"])
         for axle in range(2):
             i = 2 * n + axle
             assert w["high"][i] - w["lines"][i] == pytest.approx(LIMITS[axle] - angles[axle])
