@@ -127,19 +127,22 @@ def _kept(station, before, stations, sheared, view, p):
     way, count = np.zeros(FAR_LAYERS + 1), before[0].shape[0]
     if count == 0:
         return NarrowWay(False, stations, way, way, way)
-    way, slopes, gaps = (
-        np.interp(station + stations, before[0], before[1]),
-        np.zeros(FAR_LAYERS + 1),
-        np.zeros(FAR_LAYERS + 1),
-    )
-    slopes[1:] = np.diff(way) / np.diff(stations)
-    slopes[0] = slopes[1]
+    way, gaps = np.interp(station + stations, before[0], before[1]), np.zeros(FAR_LAYERS + 1)
+    slopes = _slopes_of(stations, way)
     kept = NarrowWay(True, stations, way, slopes, gaps)
     _measure(kept, sheared, view, LATERAL_STEP / (stations[2] - stations[1]), p)
     known = int(np.searchsorted(stations, before[0][count - 1] - station))
     free = known > ROUNDED_LAYERS and gaps[:known].min() > 0.0
     gaps[:] = np.minimum(gaps, p.least_clearance)
     return NarrowWay(free, stations, way, slopes, gaps)
+
+
+@kernel
+def _slopes_of(stations, way):
+    slopes = np.zeros(stations.shape[0])
+    slopes[1:] = np.diff(way) / np.diff(stations)
+    slopes[0] = slopes[1]
+    return slopes
 
 
 @kernel
