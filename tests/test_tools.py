@@ -79,7 +79,7 @@ def test_a_change_asks_for_its_own_tests():
     tests_of = runpy.run_path(str(ROOT / "tools" / "check.py"))["tests_of"]
     assert tests_of(["plant_models/road/reference_path.py", "README.md"]) == []
     assert tests_of(["controller/validity.py"]) == ["tests/controller/test_validity.py"]
-    assert tests_of(["tests/test_imports.py", "tests/stored_runs.py"]) == ["tests/test_imports.py"]
+    assert tests_of(["tests/test_imports.py", "tests/support/stored_runs.py"]) == ["tests/test_imports.py"]
     assert "tests/controller/can_port/test_can_port.py" in tests_of(["controller/can_port/port.py"])
 
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from fmu_files import FOREIGN_MAP, changed, description, patched, reported_here, unpacked
+from support.fmus.fmu_files import FOREIGN_MAP, changed, description, patched, reported_here, unpacked
 
 from sidestep.fmu.importing.archive import unpack
 from sidestep.fmu.importing.checks import findings

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import pytest
 from fmpy.fmi1 import FMICallException
-from fmu_files import CAR, QUICK, START, binary, changed, description, patched, slalom
+from support.fmus.fmu_files import CAR, QUICK, START, binary, changed, description, patched, slalom
 
 from sidestep.fmu.importing.mapping import Mapping, Signal
 from sidestep.fmu.importing.plant import FmuPlant

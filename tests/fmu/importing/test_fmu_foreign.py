@@ -5,7 +5,7 @@ from dataclasses import astuple
 
 import numpy as np
 import pytest
-from fmu_files import CAR, FOREIGN_MAP, QUICK, binary, changed, description, patched, slalom, unpacked
+from support.fmus.fmu_files import CAR, FOREIGN_MAP, QUICK, binary, changed, description, patched, slalom, unpacked
 
 from sidestep.controller import SteeringController
 from sidestep.fmu.importing.estimation import Estimator

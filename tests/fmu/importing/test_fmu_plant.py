@@ -6,7 +6,7 @@ from dataclasses import astuple, replace
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
-from fmu_files import CAR, START, changed, description, slalom
+from support.fmus.fmu_files import CAR, START, changed, description, slalom
 
 from sidestep.fmu.importing.mapping import OUTPUTS, Mapping
 from sidestep.fmu.importing.plant import FmuPlant

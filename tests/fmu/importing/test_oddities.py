@@ -8,8 +8,8 @@ from math import cos, exp, sin, tan
 from pathlib import Path
 
 import pytest
-from fmu_files import unpacked
-from odd_fmus import ROWS, SOURCE, Odd
+from support.fmus.fmu_files import unpacked
+from support.fmus.odd_fmus import ROWS, SOURCE, Odd
 
 from sidestep.fmu.importing.checks.findings import check_fmu
 from sidestep.fmu.importing.isolation import IsolatedPlant

@@ -8,7 +8,7 @@ import time
 import zipfile
 
 import pytest
-from fmu_files import QUICK
+from support.fmus.fmu_files import QUICK
 
 from sidestep.fmu import scratch
 from sidestep.fmu.native import platforms

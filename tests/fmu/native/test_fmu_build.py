@@ -14,8 +14,8 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
-from fmu_files import QUICK
 from PIL import Image
+from support.fmus.fmu_files import QUICK
 
 from sidestep.fmu.description.icon import SIZE, draw_icon
 from sidestep.fmu.description.variables import ATTRIBUTES, UNITS

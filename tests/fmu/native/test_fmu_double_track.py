@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fmu_files import CAR
-from integration import integrate
-from native_drive import drive, read
+from support.fmus.fmu_files import CAR
+from support.fmus.integration import integrate
+from support.fmus.native_drive import drive, read
 
 from sidestep.fmu.exporting.export import start_plant
 from sidestep.fmu.importing.plant import FmuPlant

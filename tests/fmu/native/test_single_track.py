@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from integration import integrate
-from native_drive import drive, read
+from support.fmus.integration import integrate
+from support.fmus.native_drive import drive, read
 
 from sidestep.fmu.importing.plant import FmuPlant
 from sidestep.fmu.native.build import source_files

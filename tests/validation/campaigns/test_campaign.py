@@ -13,11 +13,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from campaign_work import deadly, fake
-from html_page import check_self_contained
 from scipy.stats.qmc import Sobol
-from stand_in import KinematicCar
-from stored_runs import drive
+from support.campaign_work import deadly, fake
+from support.html_page import check_self_contained
+from support.stand_in import KinematicCar
+from support.stored_runs import drive
 
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
@@ -147,7 +147,7 @@ def test_a_killed_campaign_goes_on_to_the_same_rows(tmp_path):
     whole = run_campaign(spec, tmp_path / "whole.jsonl", 1, work=fake)
     assert [row["row"] for row in whole] == list(range(40))
     file = tmp_path / "killed.jsonl"
-    script = "import sys, campaign_work; campaign_work.go_on(*sys.argv[1:])"
+    script = "import sys; from support.campaign_work import go_on; go_on(*sys.argv[1:])"
     for moment in np.random.default_rng(0).uniform(0.0, 0.15, 2):
         process = subprocess.Popen([sys.executable, "-c", script, str(tmp_path), str(file)], cwd=ROOT / "tests")
         before = len(read_journal(file)[1]) if file.exists() else 0
@@ -472,7 +472,7 @@ def test_figures_of_a_row_are_json_and_those_of_the_run():
 
 def test_ctrl_c_keeps_what_is_done(tmp_path):
     spec, file = campaign(tmp_path), tmp_path / "c.jsonl"
-    script = "import sys, campaign_work; campaign_work.go_on(*sys.argv[1:])"
+    script = "import sys; from support.campaign_work import go_on; go_on(*sys.argv[1:])"
     process = subprocess.Popen(
         [sys.executable, "-c", script, str(tmp_path), str(file)], cwd=ROOT / "tests", stderr=subprocess.PIPE
     )

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 
 import can
 import pytest
-from stand_in import KinematicCar
+from support.stand_in import KinematicCar
 
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.mujoco.plant import MujocoPlant

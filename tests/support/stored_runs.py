@@ -1,6 +1,6 @@
 """Runs of a kinematic car that follows the path, for the tests of what is written and compared."""
 
-from stand_in import Feedback, KinematicCar, shortened
+from support.stand_in import Feedback, KinematicCar, shortened
 
 from sidestep.validation.files import write_text
 from sidestep.validation.judge.run import Run

@@ -1,6 +1,6 @@
 """How the car wanders on a straight road when its state is measured with noise, with and without the state estimator.
 
-    python benchmarks/wander.py [seeds] [plant ...]
+    python benchmarks/perception/wander.py [seeds] [plant ...]
 
 15 m/s; every 20 ms position to 2 cm, yaw to 0.2 deg, yaw rate to 0.02 rad/s and v_y to 0.1 m/s (standard deviations,
 white); time, v_x and steering angle as they are. What counts is the true lateral offset and the true road-wheel angle

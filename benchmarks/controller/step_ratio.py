@@ -1,6 +1,6 @@
 """The controller's step beside that of another checkout, in turns, on the same recorded states.
 
-    git worktree add ../before 2a1e5d0 && python benchmarks/step_ratio.py ../before [rounds]
+    git worktree add ../before 2a1e5d0 && python benchmarks/controller/step_ratio.py ../before [rounds]
 
 Each checkout has a process of its own, which waits while the other one works. A step's time is its median over all
 rounds, which takes out what other programs do to the machine; printed are median and p99 of these, and their ratios.
@@ -106,7 +106,7 @@ def quantiles(rows: list[list[float]], chosen: list[bool]) -> tuple[float, float
 
 
 def main(other: Path, rounds: int) -> None:
-    before, now = worker(other, True), worker(Path(__file__).resolve().parents[1], False)
+    before, now = worker(other, True), worker(Path(__file__).resolve().parents[2], False)
     print(f"{'case':32}{'solver':12}{'before':>16}{'now':>16}{'ratio':>14}   [us], median / p99")
     for case in CASES:
         states = states_of(case)

@@ -1,6 +1,6 @@
 """A tight bend behind a straight, entered at speeds that the tyres cannot hold in it: does the car slow down in time?
 
-    python benchmarks/bend_speed.py [plant ...]
+    python benchmarks/controller/bend_speed.py [plant ...]
 
 120 m of straight road, 20 m of clothoid, 40 m at a radius of 20 m, 8 m wide, nothing on it. Asked for: on the road by
 at least 0.2 m, braking by at most 4 m/s^2. Exit status 1 if a drive misses that.

@@ -1,6 +1,6 @@
 """How the path search grows: with obstacles on the road, and with nodes of the lattice.
 
-    python benchmarks/planner_scaling.py
+    python benchmarks/controller/planner_scaling.py
 
 Whole controller steps on a road with 2 and with 50 boxes along 500 m, in turns on the same states, and the exact search
 alone on lattices of up to a million nodes. Every figure is the least of several medians, and a ratio.

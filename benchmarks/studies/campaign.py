@@ -1,7 +1,7 @@
 """What a campaign costs, and that killing it costs nothing: 1000 closed-loop runs on the single-track FMU.
 
-    .venv/bin/python benchmarks/campaign.py                   on an idle machine with two cores, some eight minutes
-    .venv/bin/python benchmarks/campaign.py --runs 100 --kills 5      a quick look
+    .venv/bin/python benchmarks/studies/campaign.py                         eight minutes on two idle cores
+    .venv/bin/python benchmarks/studies/campaign.py --runs 100 --kills 5    a quick look
 
 Efficiency is the time that the runs take one after the other in one process, from a tenth of them, over the cores'
 time in parallel; the processes are started before, their start is listed apart. The same rows then come from a Dask
@@ -25,7 +25,7 @@ from sidestep.validation.campaigns.campaign import Campaign, cases, load_campaig
 from sidestep.validation.campaigns.campaign_run import load_rows, run_campaign, run_case
 from sidestep.validation.campaigns.journal import Row
 
-SPEC = Path(__file__).parents[1] / "examples" / "friction_sweep.toml"
+SPEC = Path(__file__).parents[2] / "examples" / "friction_sweep.toml"
 
 
 def main() -> None:

@@ -1,10 +1,10 @@
 """Scenes behind sensors: the truth, the state measured with noise, and what the state estimator makes of it.
 
-    python benchmarks/estimated_scenes.py [seeds] [plant ...]
+    python benchmarks/perception/estimated_scenes.py [seeds] [plant ...]
 
-`noisy` is the state of benchmarks/wander.py, straight to the controller; `filtered` the same through the filter; `late`
-has no v_y and the pose at 10 Hz, 100 ms late, through the filter. Behind the filter, the controller
-learns nothing by itself. The obstacles are known. The judge sees the truth.
+`noisy` is the state of wander.py beside this file, straight to the controller; `filtered` the same through the filter;
+`late` has no v_y and the pose at 10 Hz, 100 ms late, through the filter. Behind the filter, the controller learns
+nothing by itself. The obstacles are known. The judge sees the truth.
 """
 
 import math

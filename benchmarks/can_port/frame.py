@@ -1,6 +1,6 @@
 """What a steering command costs from encoding to decoding on python-can's virtual bus, stage by stage.
 
-    python benchmarks/can_frame.py
+    python benchmarks/can_port/frame.py
 
 Stages are measured in turn, over and over, and the quietest round of each counts: only the ratios hold on a busy
 machine. "by hand" is the same with cantools' encode and decode around the same CRC and bus.

@@ -1,6 +1,6 @@
 """Does identification from a log find a known car? MuJoCo drives, sensors measure, `identify_log` fits; seed by seed.
 
-    python benchmarks/log_coverage.py [SEEDS] [FIRST]
+    python benchmarks/studies/log_coverage.py [SEEDS] [FIRST]
 
 Prints, for every parameter that the log identifies, how often its 95 % interval holds the truth, and the errors.
 """

@@ -1,6 +1,6 @@
 """The active set beside PIQP and DAQP, on the QPs of real drives in which a bound acts.
 
-    python benchmarks/active_set.py [passes]
+    python benchmarks/controller/active_set.py [passes]
 
 In turns, in one process, one thread. PIQP is timed as the controller calls it: choose the rows, update, solve, add
 what is violated, again until nothing is. The active set is timed as the compiled step will call it, by a clock read

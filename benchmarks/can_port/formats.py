@@ -1,7 +1,7 @@
 """Public steering formats by mapping files alone: every random command read by cantools, and accepted by opendbc.
 
     pip install --no-deps --target OPENDBC opendbc
-    PYTHONPATH=OPENDBC python benchmarks/can_formats.py
+    PYTHONPATH=OPENDBC python benchmarks/can_port/formats.py
 
 For every mapping file that comes with sidestep: how far the angle is from what was asked, in steps of the signal, as
 cantools reads it from opendbc's own database (a half is the best that rounding can do), and how many frames opendbc's

@@ -1,7 +1,7 @@
 """Both scenes driven by the two nodes as processes in real time on MuJoCo, over a real vcan0 where there is one.
 
-    tools/vcanbox.py --memory 1500M --timeout 600 -- .venv/bin/python benchmarks/can_realtime.py    on a real vcan0
-    .venv/bin/python benchmarks/can_realtime.py                           without one: over udp_multicast
+    tools/vcanbox.py --memory 1500M --timeout 600 -- .venv/bin/python benchmarks/can_port/realtime.py    on a real vcan0
+    .venv/bin/python benchmarks/can_port/realtime.py                       without one: over udp_multicast
 
 Run it on an idle machine, some three minutes. The rows "nothing" are a loop that only waits, just before each drive:
 what is late there is the machine's. Inside user-mode Linux both nodes share one processor, a system call takes 10 to

@@ -1,6 +1,6 @@
 """What FMI costs: a plant's step, the round trip to the exported controller, an export.
 
-Run it: python benchmarks/fmi_cost.py
+Run it: python benchmarks/plants/fmi_cost.py
 
 Steps of 20 ms. The ways are timed in turn in many short batches, and the fastest batch of each counts: what other
 programs on the machine add is left out. "C core" makes as many steps in one call, without Python between them.

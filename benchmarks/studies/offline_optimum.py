@@ -1,6 +1,6 @@
 """The best that could be done in the paper's two scenes: an optimal control problem over the whole drive, offline.
 
-    python benchmarks/offline_optimum.py [--nodes 800]
+    python benchmarks/studies/offline_optimum.py [--nodes 800]
 
 Linear single track (5) at constant speed in the frame of a straight road, the steering rate as input, exactly
 discretised over 8 s. The car's side keeps the buffer of Eq. (13) to every obstacle that it is beside, at both ends

@@ -1,6 +1,6 @@
 """What a step of the state estimator costs, read by a clock between the steps in compiled code.
 
-    python benchmarks/estimator_cost.py [passes]
+    python benchmarks/perception/estimator_cost.py [passes]
 
 A car at 15 m/s, a record every 20 ms with v_x, yaw rate, steering angle and lateral acceleration, the pose at 10 Hz and
 late by some time: then as many steps are done again as have passed since. Every step's time is the least of all passes,

@@ -1,10 +1,11 @@
 """The state estimator on a measured car at its limits: sideslip that it never sees, beside what an optical sensor saw.
 
-    python benchmarks/measured_sideslip.py FILE.csv[.gz] [seconds that settings were developed on, from the first row]
+    python benchmarks/perception/measured_sideslip.py FILE.csv[.gz] [seconds]
 
-FILE is a 100 Hz log of a Ferrari 250 LM with the columns time, road_wheel_angle, v_x, yaw_rate, a_y and sideslip, in SI
-units; sideslip is only compared with. Tyres and yaw inertia were fitted to the axle forces (from a_y, yaw acceleration
-and measured slip) of the first 165 s of the first half's log; what the filter believes was chosen by the error there.
+Settings were developed on so many seconds from the first row. FILE is a 100 Hz log of a Ferrari 250 LM with the
+columns time, road_wheel_angle, v_x, yaw_rate, a_y and sideslip, in SI units; sideslip is only compared with. Tyres and
+yaw inertia were fitted to the axle forces (from a_y, yaw acceleration and measured slip) of the first 165 s of the
+first half's log; what the filter believes was chosen by the error there.
 """
 
 import sys
