@@ -3,8 +3,8 @@
 import os
 
 import pytest
+from support.can_port.frames import multicast_spec  # noqa: F401 (a fixture for all)
 from support.fmus.fmu_files import foreign_fmu
-from support.frames import multicast_spec  # noqa: F401 (a fixture for all)
 
 
 @pytest.fixture(autouse=True, scope="session")

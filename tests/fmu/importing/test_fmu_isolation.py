@@ -8,7 +8,7 @@ from multiprocessing import Pipe
 from pathlib import Path
 
 import pytest
-from support.endings import ends
+from support.fmus.endings import ends
 from support.fmus.fmu_files import START, patched
 
 from sidestep.controller import SteeringController

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import can
 import pytest
-from support.frames import GROUP, message
+from support.can_port.frames import GROUP, message
 
 from sidestep.controller.can_port.bus import bus as bus_module
 from sidestep.controller.can_port.bus.bus import Bus, can_interfaces, resolve_spec

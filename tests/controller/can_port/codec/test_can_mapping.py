@@ -7,11 +7,11 @@ import cantools.database
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from support.can_port.foreign_dbc import DBC, LONG, MOTOROLA
 
 from sidestep.controller.can_port.codec import mapping
 from sidestep.controller.can_port.codec.catalogue import MAPS, built_in_maps, mapped_bus
 from sidestep.controller.can_port.codec.database import EXTENDED
-from sidestep.controller.can_port.codec.foreign import load_database
 from sidestep.controller.can_port.codec.messages import (
     ActuatorState,
     SteerStatus,
@@ -19,64 +19,10 @@ from sidestep.controller.can_port.codec.messages import (
     encode_steer_command,
     steer_status_values,
 )
-from sidestep.controller.can_port.codec.proposal import proposed
 from sidestep.controller.can_port.protection.checksums import RULES, Parameters
 from sidestep.controller.can_port.protection.e2e_state import E2EState
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import Status, SteeringCommand
-
-DBC = """VERSION ""
-BU_: A B
-BO_ 288 MOTOROLA: 8 A
- SG_ Angle : 6|15@0- (0.1,0) [-1638.4|1638.3] "deg" B
- SG_ Request : 16|2@1+ (1,0) [0|3] "" B
- SG_ Mode M : 24|4@1+ (1,0) [0|15] "" B
- SG_ Speed m2 : 32|12@1+ (0.1,0) [0|409.5] "km/h" B
- SG_ Other m3 : 32|12@1+ (1,0) [0|4095] "" B
- SG_ Counter : 48|4@1+ (1,0) [0|15] "" B
- SG_ Checksum : 63|8@0+ (1,0) [0|255] "" B
-BO_ 2566834800 LONG: 24 A
- SG_ Curve : 24|15@1+ (6.7E-006,0) [0|0.219] "rad/m" B
- SG_ Curve_VZ : 39|1@1+ (1,0) [0|1] "" B
- SG_ On : 12|4@1+ (1,0) [0|15] "" B
-BO_ 304 BACK: 8 B
- SG_ Wheel : 7|16@0- (0.05,0) [0|1] "deg" A
- SG_ State : 16|4@1+ (1,0) [0|15] "" A
- SG_ Fault : 20|1@1+ (1,0) [0|1] "" A
- SG_ Vel : 24|16@1+ (0.01,0) [0|655.35] "km/h" A
- SG_ Yaw : 40|16@1- (0.01,0) [-327|327] "deg/s" A
- SG_ Alive : 56|8@1+ (1,0) [0|255] "" A
-"""
-
-MOTOROLA = """
-[command]
-message = "MOTOROLA"
-angle = { signal = "Angle", ratio = 15.0, positive = "right" }
-speed = { signal = "Speed" }
-enable = [{ signal = "Request", on = 2, off = 1 }]
-constants = { Mode = 2 }
-counter = { signal = "Counter", last = 14, skip = [7] }
-checksum = { signal = "Checksum", rule = "xor", initial = 165 }
-[[feedback]]
-message = "BACK"
-cycle_ms = 20
-angle = { signal = "Wheel", ratio = 15.0 }
-speed = { signal = "Vel" }
-yaw_rate = { signal = "Yaw" }
-state = { signal = "State", values = { ACTIVE = [3, 4], STANDBY = [1], FAULT = [9] } }
-fault = { signal = "Fault" }
-counter = { signal = "Alive" }
-"""
-
-LONG = """
-[command]
-message = "LONG"
-cycle_ms = 20
-wheelbase = 2.5
-curvature = { signal = "Curve", sign = { signal = "Curve_VZ" } }
-enable = [{ signal = "On", on = 4, off = 2 }]
-"""
-
 
 THEIRS = cantools.database.load_string(DBC, "dbc")
 SHIPPED = {
@@ -236,39 +182,6 @@ def test_autosar_profiles_are_autosar_e2e_s():
         assert RULES["autosar-5"](0, bare, 0, counter, Parameters(data_id=0x1234)) == int.from_bytes(data[:2], "little")
 
 
-# --- databases
-
-
-@pytest.mark.parametrize(("change", "remark"), [
-    (("deg", "\u00b0"), None),
-    (("BO_ 304", "BO_ 403"), None),
-    (("SG_ State : 16", "SG_ 0_State : 16"), "Invalid syntax"),
-    (("SG_ Vel : 24", "SG_ Vel : 20"), "overlap"),
-    (("BO_ 288 ", "BO_ 419324928 "), "more than 11 bits"),
-    (("BU_: A B\n", 'BU_: A B\nCM_ 145 "no kind";\n'), "left out: CM_ 145"),
-])  # fmt: skip
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "cp1252"])
-def test_databases_as_they_are(tmp_path, change, remark, encoding):
-    file = tmp_path / "a.dbc"
-    file.write_bytes(DBC.replace(*change).encode(encoding))
-    database, remarks = load_database(file)
-    assert len(database.messages) == 3
-    assert (remark in remarks) if remark else remarks == ""
-
-
-@pytest.mark.parametrize("kind", ["kcd", "sym", "arxml"])
-def test_other_formats_come_in(tmp_path, kind):
-    database = cantools.database.load_string(DBC, "dbc")
-    if kind == "arxml":
-        (tmp_path / "a.arxml").write_text("<?xml version='1.0'?><AUTOSAR/>")
-        with pytest.raises(InputError, match=r"a\.arxml: cannot be read"):
-            load_database(tmp_path / "a.arxml")
-        return
-    cantools.database.dump_file(database, str(tmp_path / f"a.{kind}"))
-    again, _ = load_database(tmp_path / f"a.{kind}")
-    assert {message.name for message in again.messages} == {"MOTOROLA", "LONG", "BACK"}
-
-
 # --- refusals
 
 
@@ -312,25 +225,3 @@ def test_a_mapping_file_without_a_database(tmp_path):
         mapped_bus(str(tmp_path / "a.toml"))
     with pytest.raises(InputError, match="no such mapping file; allowed: a file, or ford"):
         mapped_bus("nobody")
-
-
-# --- proposals
-
-
-def test_a_proposal_is_a_mapping_file(tmp_path):
-    file = tmp_path / "a.dbc"
-    file.write_text(DBC.replace("BO_ 304", "BO_ 513"))
-    text = proposed(load_database(file)[0], file)
-    (tmp_path / "bus.toml").write_text(text)
-    described = mapped_bus(str(tmp_path / "bus.toml"))
-    assert described.messages["STEER_CMD"].name in ("MOTOROLA", "LONG")
-    assert "feedback[0] BACK" in described.messages
-    assert described.messages["VEH_DYN"].frame_id != 513
-    assert 'rule = "sum"' in text or "Curve_VZ" in text
-
-
-def test_nothing_that_steers(tmp_path):
-    file = tmp_path / "a.dbc"
-    file.write_text('VERSION ""\nBU_: A\nBO_ 1 X: 8 A\n SG_ Temp : 0|8@1+ (1,0) [0|0] "C" A\n')
-    with pytest.raises(InputError, match="no signal that looks like steering"):
-        proposed(load_database(file)[0], file)
