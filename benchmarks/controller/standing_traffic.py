@@ -20,7 +20,7 @@ LANE = 3.6
 
 
 def scene(seed: int, plant: str) -> Scenario:
-    """Traffic that stands, from 25 m ahead of the car on, in lanes about as full as a motorway's in a jam that thins."""
+    """Traffic that stands, from 25 m ahead of the car on, in lanes as full as a motorway's in a jam that thins."""
     rng = np.random.default_rng(seed)
     lanes = int(rng.integers(2, 6))
     own = int(rng.integers(lanes))
@@ -36,7 +36,8 @@ def scene(seed: int, plant: str) -> Scenario:
             s += length + rng.exponential(14.0) + 4.0
     lines = [f'name = "standing-{seed}"', f"speed = {rng.uniform(8.0, 16.0):.2f}", "duration = 25.0",
              f"start = {{ s = 10.0, l = {rng.normal(0.0, 0.2):.3f} }}", f"road.width_left = {left:.2f}",
-             f"road.width_right = {-right:.2f}", 'road.segments = [{ type = "line", length = 180.0 }]', *boxes]  # fmt: skip
+             f"road.width_right = {-right:.2f}", 'road.segments = [{ type = "line", length = 180.0 }]',
+             *boxes]  # fmt: skip
     return parse_scenario("\n".join(lines), f"scene {seed}", [f"plant.kind={plant}"])
 
 
@@ -64,4 +65,4 @@ def main(count: int = 24, seed: int = 1, plant: str = "single-track") -> None:
 
 
 if __name__ == "__main__":
-    main(*(kind(text) for kind, text in zip((int, int, str), sys.argv[1:], strict=False)))
+    main(*map(int, sys.argv[1:3]), *sys.argv[3:4])
