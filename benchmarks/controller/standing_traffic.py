@@ -51,7 +51,7 @@ def outcome(scenario: Scenario) -> tuple[str, str]:
     return word, f"{recording['time'][-1]:5.1f} s, nearest {least:.2f} m {figures}"
 
 
-def main(count: int = 24, seed: int = 1, plant: str = "single-track") -> None:
+def main(count: int = 24, seed: int = 1, *, plant: str) -> None:
     words: Counter[str] = Counter()
     while words.total() < count:
         scenario = scene(seed, plant)
@@ -65,4 +65,4 @@ def main(count: int = 24, seed: int = 1, plant: str = "single-track") -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:3]), *sys.argv[3:4])
+    main(*map(int, sys.argv[1:3]), plant=(*sys.argv[3:], "single-track")[0])
