@@ -25,13 +25,13 @@ from fmpy.fmi3 import FMU3Slave
 from fmpy.simulation import instantiate_fmu
 
 from sidestep.controller import SteeringController
+from sidestep.fmu.description.plants import MODELS
 from sidestep.fmu.exporting.controller_variables import STATE
 from sidestep.fmu.exporting.export import export_controller
 from sidestep.fmu.importing.instance import FmuInstance
 from sidestep.fmu.importing.mapping import OUTPUTS
-from sidestep.fmu.importing.plant import FmuPlant
 from sidestep.fmu.native.build import build_fmu
-from sidestep.fmu.native.plants import MODELS
+from sidestep.fmu.native.plant import native_plant
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.validation.loop.closed_loop import bare_controller
@@ -77,7 +77,7 @@ def plant_costs(model: str) -> list[float]:
     with (
         instantiated(build_fmu(model)) as (core, _),
         instantiated(build_fmu(model)) as (bare, references),
-        FmuPlant.native(SCENE.vehicle, model=model) as plant,
+        native_plant(SCENE.vehicle, model=model) as plant,
     ):
         inputs = [references["steer_angle_command"], references["target_speed"]]
         outputs = [references[name] for name in OUTPUTS]

@@ -9,10 +9,10 @@ from pathlib import Path
 import fmpy
 import numpy as np
 
+from sidestep.fmu.compiling.platforms import compile_library
+from sidestep.fmu.description.plants import MODELS
 from sidestep.fmu.importing.archive import unpack
 from sidestep.fmu.native.build import build_fmu, source_files
-from sidestep.fmu.native.plants import MODELS
-from sidestep.fmu.native.platforms import compile_library
 from sidestep.fmu.scratch import discard
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState

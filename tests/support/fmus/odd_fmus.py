@@ -8,7 +8,7 @@ from pathlib import Path
 
 import fmpy
 
-from sidestep.fmu.native.platforms import compile_library
+from sidestep.fmu.compiling.platforms import compile_library
 
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 SOURCE = Path(__file__).with_name("odd_fmu.c")

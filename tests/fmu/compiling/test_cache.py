@@ -11,9 +11,9 @@ import pytest
 from support.fmus.fmu_files import QUICK
 
 from sidestep.fmu import scratch
-from sidestep.fmu.native import platforms
+from sidestep.fmu.compiling import platforms
+from sidestep.fmu.compiling.cache import cached
 from sidestep.fmu.native.build import build_fmu
-from sidestep.fmu.native.cache import cached
 from sidestep.fmu.scratch import discard, scratch_folder
 
 
