@@ -53,6 +53,15 @@ def test_links_between_files_lead_somewhere(page):
     assert [link for link in links if not (page.parent / link).exists()] == []
 
 
-def test_page_of_numbers_is_that_of_the_code():
-    tool = runpy.run_path(str(ROOT / "tools" / "keys.py"))
-    assert (ROOT / "docs" / "keys.md").read_text(encoding="utf-8") == tool["page"]()
+def test_pages_made_from_the_code_are_up_to_date(capsys, monkeypatch):
+    tool = runpy.run_path(str(ROOT / "tools" / "pages.py"))
+    monkeypatch.setattr("sys.argv", ["pages.py", "--check"])
+    assert tool["main"]() == 0, capsys.readouterr().out
+
+
+def test_a_page_that_is_old_is_named(capsys, monkeypatch):
+    tool = runpy.run_path(str(ROOT / "tools" / "pages.py"))
+    monkeypatch.setattr("sys.argv", ["pages.py", "--check"])
+    monkeypatch.setitem(tool["PAGES"], "scenarios.md", lambda: "# Another page\n")
+    assert tool["main"]() == 1
+    assert capsys.readouterr().out == "docs/scenarios.md is not what python tools/pages.py writes\n"

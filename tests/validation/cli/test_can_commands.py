@@ -12,7 +12,7 @@ from sidestep.controller.can_port.bus.candump import candump_line
 from sidestep.controller.can_port.bus.faults import FaultSpec
 from sidestep.controller.can_port.bus.log import open_log, read_log
 from sidestep.controller.can_port.codec.database import load_dbc
-from sidestep.controller.can_port.codec.export import FORMATS, exported, page
+from sidestep.controller.can_port.codec.export import FORMATS, exported
 from sidestep.controller.can_port.nodes import ControllerNode
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.linear.plant import LinearPlant
@@ -65,10 +65,6 @@ def test_the_fd_database(capsys):
     assert main(["can", "dbc", "--format", "json", "--fd"]) == 0
     printed = json.loads(capsys.readouterr().out)["messages"]
     assert {m["length"] for m in printed if m["name"] != "STATE_EXACT"} == {12}
-
-
-def test_the_page_of_messages_is_the_database_s():
-    assert (DOCS / "can_messages.md").read_text(encoding="utf-8") == page()
 
 
 @pytest.mark.parametrize("ending", [".blf", ".asc", ".log", ".csv"])
