@@ -65,3 +65,17 @@ def test_a_page_that_is_old_is_named(capsys, monkeypatch):
     monkeypatch.setitem(tool["PAGES"], "scenarios.md", lambda: "# Another page\n")
     assert tool["main"]() == 1
     assert capsys.readouterr().out == "docs/scenarios.md is not what python tools/pages.py writes\n"
+
+
+def test_every_test_that_a_page_names_is_there():
+    written = "\n".join(file.read_text(encoding="utf-8") for file in (ROOT / "tests").rglob("test_*.py"))
+    for page in PAGES:
+        for name in re.findall(r"`(test_\w+)`", page.read_text(encoding="utf-8")):
+            assert f"def {name}(" in written, f"{page.name}: {name}"
+
+
+def test_every_file_that_a_page_names_is_there():
+    """Programs of this repository, from its root: those that a command runs and those that a sentence names."""
+    for page in PAGES:
+        for name in re.findall(r"\b(?:benchmarks|tools|tests|examples)/[\w/]+\.(?:py|toml)\b", page.read_text("utf-8")):
+            assert (ROOT / name).exists(), f"{page.name}: {name}"

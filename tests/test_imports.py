@@ -79,6 +79,12 @@ def test_gravity_has_one_place(layer):
     assert files == ([ROOT / "plant_models" / "vehicle" / "checks.py"] if layer == "plant_models" else [])
 
 
+@pytest.mark.parametrize("layer", ["controller", "fmu"])
+def test_what_is_kept_or_sent_is_no_pickle(layer):
+    files = [file for file in (ROOT / layer).rglob("*.py") if imported_modules(file) & {"pickle", "marshal", "shelve"}]
+    assert files == []
+
+
 @pytest.mark.parametrize("layer", LAYERS)
 def test_imports_are_absolute(layer):
     relative = [file for file in (ROOT / layer).rglob("*.py") if "." in imported_modules(file)]
