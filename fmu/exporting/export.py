@@ -7,9 +7,9 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from sidestep.controller import ControllerConfig
+from sidestep.fmu.description.plants import find_model, model_values
 from sidestep.fmu.exporting.controller_variables import NAMES, controller_model
 from sidestep.fmu.native.build import build_model
-from sidestep.fmu.native.plants import find_model, model_values
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road.reference_path import ReferencePath
 from sidestep.plant_models.signals import VehicleState

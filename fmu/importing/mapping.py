@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.vehicle.checks import GRAVITY
 from sidestep.plant_models.vehicle.table import vehicle_from_table
 
 OUTPUTS = ("x", "y", "yaw", "v_x", "v_y", "yaw_rate", "steer_angle")
@@ -39,7 +40,7 @@ UNITS: dict[str, dict[str, float]] = {
     "angle": {"rad": 1.0, "deg": math.pi / 180.0},
     "speed": {"m/s": 1.0, "km/h": 1.0 / 3.6, "mph": 0.44704},
     "angular rate": {"rad/s": 1.0, "deg/s": math.pi / 180.0},
-    "acceleration": {"m/s2": 1.0, "g": 9.81},
+    "acceleration": {"m/s2": 1.0, "g": GRAVITY},
 }
 """SI units per unit, by dimension."""
 

@@ -1,15 +1,14 @@
-"""Any co-simulation FMU as a plant; our own are built on first use."""
+"""Any co-simulation FMU as a plant."""
 
 import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
+from sidestep.fmu.description.plants import vehicle_values
 from sidestep.fmu.importing.estimation import Estimator, unwrapped
 from sidestep.fmu.importing.instance import FmuInstance
 from sidestep.fmu.importing.mapping import INPUTS, OUTPUTS, Mapping
-from sidestep.fmu.native.build import build_fmu
-from sidestep.fmu.native.plants import find_model, model_values, vehicle_values
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.speed_control import limited_acceleration
@@ -63,31 +62,6 @@ class FmuPlant:
     def estimated(self) -> tuple[str, ...]:
         """Signals of the state that the FMU does not report."""
         return self.mapping.estimate
-
-    @classmethod
-    def native(
-        cls,
-        vehicle: VehicleParameters,
-        friction: float = 1.0,
-        fmi: int = 3,
-        model: str = "single-track",
-        **parameters: float,
-    ) -> Self:
-        """One of our own FMUs, built on first use.
-
-        Args:
-            vehicle: The car.
-            friction: Of the road, as a factor on the tyres' peak.
-            fmi: 2 or 3.
-            model: One of `plants.MODELS`.
-            parameters: Further parameters of the FMU by name, in SI units: steer_offset, internal_step.
-
-        Raises:
-            InputError: No such model, FMI version or parameter, or the car lacks what the model needs.
-            CompilerError: The FMU is not built yet and there is no C compiler.
-        """
-        values = model_values(find_model(model), vehicle, friction) | parameters
-        return cls(build_fmu(model, fmi), Mapping(parameters={**values}))
 
     @classmethod
     def from_file(

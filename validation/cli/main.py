@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from sidestep.plant_models.errors import InputError, PlantError
-from sidestep.validation.cli.arguments import positive_number
+from sidestep.validation.cli.arguments import PLANTS, positive_number
 from sidestep.validation.cli.bus_maps import add_bus_map, described, split_maps
 from sidestep.validation.cli.campaign import add_campaign
 from sidestep.validation.cli.can import add_can
@@ -102,9 +102,7 @@ def _add_run(commands: argparse._SubParsersAction) -> None:
         help="a name that `sidestep scenarios` lists, a TOML file, a CommonRoad .xml or an OpenSCENARIO .xosc file",
     )
     what.add_argument("--from", dest="row", metavar="FILE.jsonl:ROW", help="a row of a campaign, exactly as it was")
-    run.add_argument(
-        "--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, an .fmu file, or MODULE:FACTORY"
-    )
+    run.add_argument("--plant", metavar="PLANT", help=PLANTS)
     add_bus_map(run, "; and that of an FMU that is not ours")
     run.add_argument(
         "--isolate", type=positive_number, nargs="?", const=5.0, metavar="SECONDS",

@@ -40,9 +40,9 @@ def _linear(_: Scenario, vehicle: VehicleParameters) -> Plant:
 
 
 def _native(scenario: Scenario, vehicle: VehicleParameters) -> Plant:
-    from sidestep.fmu.importing.plant import FmuPlant
+    from sidestep.fmu.native.plant import native_plant
 
-    return FmuPlant.native(vehicle, friction=scenario.plant.friction, model=scenario.plant.kind)
+    return native_plant(vehicle, friction=scenario.plant.friction, model=scenario.plant.kind)
 
 
 def _mujoco(scenario: Scenario, vehicle: VehicleParameters) -> Plant:

@@ -1,7 +1,7 @@
 """`sidestep limits optimum`: peaks of the controller's drives against those of the offline optimum of the same scenes.
 
-The optimum is made by benchmarks/offline_optimum.py. Jerk is the derivative of a_y after a low-pass, the same one for
-drive and optimum: Butterworth of second order, forwards and backwards, at JERK_BANDWIDTH.
+The optimum is made by benchmarks/studies/offline_optimum.py. Jerk is the derivative of a_y after a low-pass, the
+same one for drive and optimum: Butterworth of second order, forwards and backwards, at JERK_BANDWIDTH.
 """
 
 import json
@@ -111,7 +111,7 @@ def optimum(plants: Sequence[str], overrides: Sequence[str], out: Path, command_
 
 
 def offline_optimum() -> dict[str, dict[str, float]]:
-    """What benchmarks/offline_optimum.py found, by scene: the fields of Peaks, sides and nodes."""
+    """What benchmarks/studies/offline_optimum.py found, by scene: the fields of Peaks, sides and nodes."""
     return json.loads(RESULTS.read_text(encoding="utf-8"))
 
 

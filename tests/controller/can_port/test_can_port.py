@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import can
 import pytest
-from frames import assert_same_but_quantised, slalom
+from support.can_port.frames import assert_same_but_quantised, slalom
 
 from sidestep.controller.can_port.bus.bus import Bus
 from sidestep.controller.can_port.codec.database import CYCLE, load_dbc, messages

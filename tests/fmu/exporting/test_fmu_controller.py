@@ -8,7 +8,7 @@ from dataclasses import astuple, replace
 from pathlib import Path
 
 import pytest
-from fmu_files import patched, reported_here
+from support.fmus.fmu_files import patched, reported_here
 
 from sidestep.controller import SteeringController
 from sidestep.fmu.exporting.controller_variables import STATE

@@ -14,15 +14,16 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
-from fmu_files import QUICK
 from PIL import Image
+from support.fmus.fmu_files import QUICK
 
+from sidestep.fmu.compiling import platforms
+from sidestep.fmu.compiling.platforms import PLATFORMS, CompilerError, compile_library
 from sidestep.fmu.description.icon import SIZE, draw_icon
+from sidestep.fmu.description.plants import MODELS, vehicle_values
 from sidestep.fmu.description.variables import ATTRIBUTES, UNITS
-from sidestep.fmu.native import build, platforms
+from sidestep.fmu.native import build
 from sidestep.fmu.native.build import build_fmu
-from sidestep.fmu.native.plants import MODELS, vehicle_values
-from sidestep.fmu.native.platforms import PLATFORMS, CompilerError, compile_library
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from stand_in import Feedback, KinematicCar, shortened
+from support.stand_in import Feedback, KinematicCar, shortened
 
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.signals import Status, SteeringCommand, VehicleState

@@ -1,6 +1,6 @@
 import pytest
-from html_page import check_self_contained
 from matplotlib.figure import Figure
+from support.html_page import check_self_contained
 
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.report.credibility import credibility_report, write_credibility_report

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from html_page import check_self_contained
 from matplotlib.figure import Figure
-from stored_runs import drive
+from support.html_page import check_self_contained
+from support.stored_runs import drive
 
 from sidestep.validation.files import made, write_text
 from sidestep.validation.judge.findings import Verdict
