@@ -28,7 +28,9 @@ def add_can(commands: argparse._SubParsersAction) -> None:
     drive = _node(parts, "drive", "the controller as a node: state in, steering out, every 10 ms", _drive)
     plant = _node(parts, "plant", "plant, steering actuator and sensors as a node", _plant)
     plant.add_argument(
-        "--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, an .fmu file, or MODULE:FACTORY"
+        "--plant",
+        metavar="PLANT",
+        help="linear, single-track, double-track, mujoco, an .fmu file, a MuJoCo .xml, or MODULE:FACTORY",
     )
     plant.set_defaults(isolate=None)
     for part in (drive, plant):

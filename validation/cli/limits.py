@@ -17,7 +17,7 @@ def add_limits(commands: argparse._SubParsersAction) -> None:
 
 def _add(below: argparse._SubParsersAction, name: str, text: str, plant: str | None) -> argparse.ArgumentParser:
     parser = below.add_parser(name, help=text)
-    text = "linear, single-track, double-track, mujoco, an .fmu file, or MODULE:FACTORY; default: %(default)s"
+    text = "linear, single-track, double-track, mujoco, an .fmu or .xml file, MODULE:FACTORY; default: %(default)s"
     default = {"default": plant, "help": text}
     if plant is None:
         default = {"help": "only this one; default: single-track and mujoco"}
