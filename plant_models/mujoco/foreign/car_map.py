@@ -6,7 +6,6 @@ wheels = ["tyre_1", "tyre_2"]         # geoms, bodies or joints of all wheels
 steering = ["servo"]                  # actuators that steer, or joints, which get servos
 drive = ["motor_rl", "motor_rr"]      # actuators that drive, or wheel joints, which get motors
 road = "floor"                        # the geom whose friction and softness the road takes
-tyres = "own"                         # or magic-formula: ours on its wheels
 [hold]                                # what other actuators are told all the time
 gearbox = 1.0
 [vehicle]                             # what the controller believes, as in a scenario file
@@ -23,10 +22,7 @@ from sidestep.plant_models.errors import InputError, did_you_mean
 from sidestep.plant_models.vehicle.table import vehicle_from_table
 
 AXES = ("x", "-x", "y", "-y", "z", "-z")
-TYRES = ("own", "magic-formula")
-"""Who shears the wheels: the contacts as the file has them, or our tyre law."""
-
-_TEXTS, _LISTS = ("chassis", "forward", "road", "tyres"), ("wheels", "steering", "drive")
+_TEXTS, _LISTS = ("chassis", "forward", "road"), ("wheels", "steering", "drive")
 
 
 @dataclass(frozen=True)
@@ -40,7 +36,6 @@ class CarMap:
         steering: Actuators that steer; joints get servos.
         drive: Actuators that drive; joints of wheels get motors.
         road: Geom whose contact properties the road takes.
-        tyres: One of TYRES.
         hold: Constant controls of other actuators.
         vehicle: Table `vehicle` of a scenario file.
     """
@@ -51,7 +46,6 @@ class CarMap:
     steering: tuple[str, ...] = ()
     drive: tuple[str, ...] = ()
     road: str = ""
-    tyres: str = "own"
     hold: dict[str, float] = field(default_factory=dict)
     vehicle: dict[str, Any] = field(default_factory=dict)
 
@@ -75,7 +69,7 @@ def _value(label: str, key: str, value: Any, folder: Path) -> Any:
         raise InputError(f"{label}: {key}", f"unknown key{did_you_mean(key, known)}", ", ".join(known))
     where = f"{label}: {key}"
     if key in _TEXTS:
-        allowed = {"forward": AXES, "tyres": TYRES}.get(key, ())
+        allowed = AXES if key == "forward" else ()
         if not isinstance(value, str) or (allowed and value not in allowed):
             raise InputError(where, f"{value!r}", ", ".join(allowed) or "a name in the model")
         return value
