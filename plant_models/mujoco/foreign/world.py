@@ -128,7 +128,7 @@ def _clear(model: mujoco.MjModel, car: ForeignCar, obstacles: set[str], floor: s
             continue
         model.geom_contype[geom] = model.geom_conaffinity[geom] = 0
         is_floor = name == floor
-        model.geom_rgba[geom, 3] *= 0.0 if is_floor else 1.0
+        model.geom_rgba[geom, 3] *= 0.0 if is_floor else 0.25  # a ghost: it is no obstacle
         if is_floor:
             model.geom_matid[geom] = -1
             continue
