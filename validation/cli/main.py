@@ -103,7 +103,7 @@ def _add_run(commands: argparse._SubParsersAction) -> None:
     )
     what.add_argument("--from", dest="row", metavar="FILE.jsonl:ROW", help="a row of a campaign, exactly as it was")
     run.add_argument("--plant", metavar="PLANT", help=PLANTS)
-    add_bus_map(run, "; and that of an FMU that is not ours")
+    add_bus_map(run, "; and that of an FMU or a MuJoCo model that is not ours")
     run.add_argument(
         "--isolate", type=positive_number, nargs="?", const=5.0, metavar="SECONDS",
         help="run an FMU in a process of its own, with this time limit a step (default: %(const)s)",
@@ -200,9 +200,11 @@ def _run(options: argparse.Namespace) -> int:
 
 def plant_overrides(options: argparse.Namespace) -> list[str]:
     """What `--plant` and `--map` change in the scenario file."""
+    from sidestep.validation.scenarios.plant_settings import FILES
+
     overrides = []
     if options.plant is not None:
-        plant = str(Path(options.plant).absolute()) if options.plant.endswith(".fmu") else options.plant
+        plant = str(Path(options.plant).absolute()) if options.plant.endswith(FILES) else options.plant
         overrides.append(f"plant.kind={json.dumps(plant)}")
     given = options.map if isinstance(options.map, list) else [options.map] if options.map else []
     _, maps = split_maps([str(name) for name in given])

@@ -10,7 +10,7 @@ from PIL import Image
 
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import VehicleState
-from sidestep.validation.loop.plants import open_plant
+from sidestep.validation.loop.plants import open_plant, plant_kind
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.report.film import Camera
 from sidestep.validation.scenarios.scenario import Scenario
@@ -30,7 +30,7 @@ def still(scenario: Scenario, recording: Recording, time: float | None) -> Marku
     Returns:
         Nothing for another plant than MuJoCo's.
     """
-    if scenario.plant.kind != "mujoco":
+    if not plant_kind(scenario.plant.kind).is_scene:
         return Markup()
     row = int(np.argmin(np.abs(recording["time"] - (recording["time"][-1] / 2.0 if time is None else time))))
     state = VehicleState(*(float(recording[name][row]) for name in _STATE))

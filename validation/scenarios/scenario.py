@@ -11,17 +11,17 @@ import numpy as np
 from msgspec import Meta
 
 from sidestep.controller import ControllerConfig
-from sidestep.fmu.importing.mapping import vehicle_table
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.ranges import Range
 from sidestep.plant_models.road.reference_path import ReferencePath
 from sidestep.plant_models.signals import VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters, require_one_stiffness
-from sidestep.plant_models.vehicle.table import WHOLE, vehicle_from_table
+from sidestep.plant_models.vehicle.table import vehicle_from_table
 from sidestep.validation.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
 from sidestep.validation.scenarios.goal import Goal, goal
 from sidestep.validation.scenarios.library import read_scenario
+from sidestep.validation.scenarios.own_car import own_car, told_car
 from sidestep.validation.scenarios.plant_settings import PlantSettings, plant_settings
 from sidestep.validation.scenarios.readers.formats import ENDINGS, read_foreign
 from sidestep.validation.scenarios.road_table import road_path
@@ -194,6 +194,7 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
     speed = top.speed if start.speed is None else start.speed
     v_x, v_y = speed * math.cos(start.sideslip), speed * math.sin(start.sideslip)
     plant = plant_settings(top.plant, file.parent)
+    told = told_car(top.vehicle, plant)
     scenario = Scenario(
         name=top.name,
         speed=top.speed,
@@ -202,7 +203,7 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
         start=VehicleState(0.0, x, y, yaw, v_x, v_y, start.yaw_rate),
         obstacles=tuple(obstacles),
         goal=goal(top.goal, path),
-        vehicle=_vehicle(told_car(top.vehicle, plant), file.parent),
+        vehicle=_vehicle(told, file.parent, own_car(told, plant, top.speed)),
         controller=config,
         controller_preset=preset,
         description=top.description,
@@ -214,21 +215,14 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
     return scenario
 
 
-def _vehicle(table: dict[str, Any], folder: Path) -> VehicleParameters:
+def _vehicle(table: dict[str, Any], folder: Path, known: VehicleParameters | None) -> VehicleParameters:
     require_one_stiffness(table)
     names = {"preset": str, "file": str, "tyre_file": str}
     values = checked(VehicleParameters, table, "vehicle", partial=True, also=names)
     for key in ("file", "tyre_file"):
         if values.get(key):
             file_at(folder, values[key], f"vehicle.{key}")
-    return vehicle_from_table(values, folder)
-
-
-def told_car(vehicle: dict[str, Any], plant: PlantSettings) -> dict[str, Any]:
-    """The table `vehicle` of a scenario, on that of the mapping file of its plant unless it tells a whole car."""
-    if not plant.map or not Path(plant.map).is_file() or any(key in vehicle for key in WHOLE):
-        return vehicle
-    return vehicle_table(Path(plant.map)) | vehicle
+    return vehicle_from_table(values, folder, known)
 
 
 def _controller(table: dict[str, Any], path: ReferencePath, speed: float) -> tuple[str, ControllerConfig]:

@@ -100,7 +100,7 @@ def test_what_would_make_no_difference_is_refused(kind, setting, at_root):
 
 
 def test_every_setting_is_known_to_some_plant():
-    known = {name for kind in (*BUILT_IN.values(), plants._FMU) for name in kind.knows}
+    known = {name for kind in (*BUILT_IN.values(), *plants.BY_ENDING.values()) for name in kind.knows}
     assert known | set(plants._COMMON) == set(PlantSettings.__dataclass_fields__)
 
 

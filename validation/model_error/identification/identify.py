@@ -25,7 +25,8 @@ from sidestep.validation.model_error.identification.identification import (
     identify,
 )
 from sidestep.validation.model_error.identification.vehicle_file import vehicle_toml
-from sidestep.validation.scenarios.scenario import Scenario, told_car
+from sidestep.validation.scenarios.own_car import told_car
+from sidestep.validation.scenarios.scenario import Scenario
 from sidestep.validation.studies.limits import new_table, show
 
 COMMANDS = 5
