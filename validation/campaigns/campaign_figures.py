@@ -94,9 +94,13 @@ def failure_map(rows: Sequence[Row], ranked: Sequence[Influence]) -> Figure:
         shades = Normalize(margin[passed].min(initial=np.inf), margin[passed].max(initial=-np.inf))
         for axes, pair in zip(figure.subplots(1, len(pairs), squeeze=False)[0], pairs, strict=True):
             x, y = (_along(axis, rows, key) for axis, key in zip((axes.xaxis, axes.yaxis), pair, strict=True))
-            axes.scatter(x[passed], y[passed], 16, margin[passed], cmap="viridis", norm=shades, linewidths=0.0,
-                         rasterized=len(rows) > 2000)  # fmt: skip
-            axes.scatter(x[~passed], y[~passed], 34, RED, marker="x", linewidths=1.4, label="not passed")
+            drawn = (
+                axes.scatter(x[passed], y[passed], 16, margin[passed], cmap="viridis", norm=shades, linewidths=0.0,
+                             rasterized=len(rows) > 2000),
+                axes.scatter(x[~passed], y[~passed], 34, RED, marker="x", linewidths=1.4, label="not passed"),
+            )  # fmt: skip
+            for cloud, which in zip(drawn, (passed, ~passed), strict=True):
+                cloud.set_urls([f"#row-{rows[i]['row']}" for i in np.flatnonzero(which).tolist()])
             axes.set_title(f"{pair[1]} over {pair[0]}")
             legend(axes)
         bar = figure.colorbar(ScalarMappable(shades, "viridis"), cax=figure.add_axes((0.935, 0.12, 0.012, 0.8)))

@@ -20,8 +20,8 @@ from sidestep.validation.report.evidence import Evidence, Table
 from sidestep.validation.report.exports.junit import JunitCase, judged_case
 from sidestep.validation.studies.limits import CONFIDENCE, upper_bound
 
-_SHOWN = 12
-"""Rows of the table of the worst runs."""
+SHOWN = 2000
+"""Rows of the table at most, the worst ones: a page stays below 5 MiB."""
 
 
 def summarised(campaign: Campaign, rows: Sequence[Row]) -> dict[str, Any]:
@@ -105,10 +105,13 @@ def write_campaign_report(
 
 def _evidence(campaign: Campaign, rows: Sequence[Row]) -> list[Evidence]:
     ranked = influences(rows)
-    worst = Evidence(
-        "Runs with the least clearance",
-        "Each of them runs again, to the last bit: sidestep run --from campaign.jsonl:ROW",
-        table=_worst_table(rows, ranked),
+    worst = worst_first(rows)
+    left_out = f" Here are the {SHOWN} worst of {len(rows)}." if len(rows) > SHOWN else ""
+    runs = Evidence(
+        "Runs",
+        "Failures first, then what shows nothing, then passes, each by their clearance. Each of them runs again, to "
+        "the last bit, by its command, given in the campaign's own folder. On paper: the first 40." + left_out,
+        table=_runs_table(worst[:SHOWN], ranked),
     )
     labels = Counter(row["label"] for row in rows)
     outcomes = Evidence(
@@ -120,7 +123,7 @@ def _evidence(campaign: Campaign, rows: Sequence[Row]) -> list[Evidence]:
         table=Table(("outcome", "runs"), tuple((label, str(count)) for label, count in labels.most_common())),
     )
     if not any(row["margin_m"] is not None for row in rows):
-        return [outcomes, worst]
+        return [outcomes, runs]
     buffer = scenario_of(campaign, cases(campaign)[0]).controller.buffer
     drawn = [Evidence("Clearance", _CLEARANCE, clearance_figure(rows, buffer)), outcomes]
     if ranked:
@@ -128,13 +131,13 @@ def _evidence(campaign: Campaign, rows: Sequence[Row]) -> list[Evidence]:
             Evidence("Where it fails", _MAP, failure_map(rows, ranked)),
             Evidence("What matters", _RANKING, ranking_figure(ranked)),
         ]
-    return [*drawn, worst]
+    return [*drawn, runs]
 
 
 _CLEARANCE = "Signed distance of the true outlines, every 10 ms or less, by code that the controller does not share."
 _MAP = (
     "Every run over the parameters that tell failed from passed runs best (Kolmogorov-Smirnov distance), or, without "
-    "failures, that explain most; two pairs of them where there are four."
+    "failures, that explain most; two pairs of them where there are four. A point leads to its row."
 )
 _RANKING = (
     "First-order Sobol index of the runs' ranks by clearance, estimated by bins of equal count and corrected for "
@@ -142,10 +145,10 @@ _RANKING = (
 )
 
 
-def _worst_table(rows: Sequence[Row], ranked: Sequence[Influence]) -> Table:
+def _runs_table(rows: Sequence[Row], ranked: Sequence[Influence]) -> Table:
     keys = [one.key for one in ranked[:5]]
     return Table(
-        ("row", "verdict", "outcome", "clearance [m]", *keys),
+        ("row", "verdict", "outcome", "clearance [m]", *keys, "again"),
         tuple(
             (
                 str(row["row"]),
@@ -153,9 +156,12 @@ def _worst_table(rows: Sequence[Row], ranked: Sequence[Influence]) -> Table:
                 row["error"] or row["label"],
                 "–" if row["margin_m"] is None else f"{row['margin_m']:.3f}",
                 *(_short(row["values"][key]) for key in keys),
+                f"sidestep run --from campaign.jsonl:{row['row']}",
             )
-            for row in worst_first(rows)[:_SHOWN]
+            for row in rows
         ),
+        anchor="row",
+        commands=True,
     )
 
 

@@ -11,7 +11,19 @@ from sidestep.plant_models.signals import Status
 from sidestep.plant_models.vehicle.parameters import GRAVITY
 from sidestep.validation.judge.verdict import Judgement
 from sidestep.validation.loop.recording import Array, Recording
-from sidestep.validation.report.style import BLUE, FAINT, GREEN, INK, ORANGE, PURPLE, RED, legend, panel, styled
+from sidestep.validation.report.style import (
+    BLUE,
+    FAINT,
+    GREEN,
+    INK,
+    ORANGE,
+    PURPLE,
+    RED,
+    legend,
+    panel,
+    styled,
+    timeline,
+)
 from sidestep.validation.scenarios.scenario import Scenario
 
 
@@ -25,11 +37,12 @@ def signals_figure(scenario: Scenario, recording: Recording, judgement: Judgemen
         _offset(axes[2], scenario, recording)
         _states(axes[3:7], scenario, recording)
         _step_times(axes[7], recording)
-        for timeline in axes[:7]:
-            timeline.set_xlim(recording["time"][0], max(recording["time"][-1], 0.1))
-            _marks(timeline, recording, judgement)
-        for timeline in axes[5:7]:
-            timeline.set_xlabel("time  [s]")
+        for one in axes[:7]:
+            timeline(one).set_xlim(recording["time"][0], max(recording["time"][-1], 0.1))
+            _marks(one, recording, judgement)
+        for one in axes[5:7]:
+            one.set_xlabel("time  [s]")
+        axes[7].set_xlabel("time of one step  [µs]")
     return figure
 
 
@@ -95,7 +108,7 @@ def _states(axes: Sequence[Axes], scenario: Scenario, recording: Recording) -> N
 
 
 def _step_times(axes: Axes, recording: Recording) -> None:
-    panel(axes, "Controller step", "µs")
+    panel(axes, "Controller steps", "number")
     times = recording.steps["step_time"]
     if not len(times):
         return
