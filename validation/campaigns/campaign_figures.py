@@ -45,8 +45,9 @@ def influences(rows: Sequence[Row]) -> list[Influence]:
     margin = rankdata([row["margin_m"] for row in rows])
     found = []
     for key in rows[0]["values"]:
-        values, _ = column(rows, key)
-        found.append(Influence(key, first_order(values, margin), trend(values, margin)))
+        values, names = column(rows, key)
+        direction = 0.0 if names else trend(values, margin)  # names have no order to rise along
+        found.append(Influence(key, first_order(values, margin), direction))
     return sorted(found, key=lambda one: -one.share)
 
 

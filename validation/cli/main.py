@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from io import TextIOWrapper
 from pathlib import Path
-from typing import NoReturn
 
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.validation.cli.arguments import positive_number
@@ -22,18 +21,15 @@ from sidestep.validation.cli.bus_maps import add_bus_map, described, split_maps
 from sidestep.validation.cli.campaign import add_campaign
 from sidestep.validation.cli.can import add_can
 from sidestep.validation.cli.compare import add_compare, add_golden
+from sidestep.validation.cli.completion import add_completion
 from sidestep.validation.cli.fmu import add_fmu
 from sidestep.validation.cli.limits import add_limits
+from sidestep.validation.cli.parser import BAD_INPUT, Parser
 from sidestep.validation.cli.scenarios import add_import, add_scenarios
 from sidestep.validation.cli.validate import add_validate
 from sidestep.validation.cli.vehicles import add_vehicles
 
-FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        self.exit(BAD_INPUT, f"sidestep: {message} (see {self.prog} --help)\n")
+FAILED, INTERRUPTED = 1, 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -75,7 +71,7 @@ def _status(arguments: Sequence[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
+    parser = Parser(
         prog="sidestep", description="Obstacle avoidance by corridor planning and MPC, on plants and on CAN."
     )
     parser.add_argument("--version", action="version", version=version("sidestep"))
@@ -83,6 +79,7 @@ def _parser() -> argparse.ArgumentParser:
     own = (_add_demo, _add_run, add_scenarios, add_import, add_vehicles, add_validate, add_campaign, _add_bench)
     for add in (*own, add_compare, add_golden, add_limits, add_fmu, add_can):
         add(commands)
+    add_completion(commands, parser)
     return parser
 
 
