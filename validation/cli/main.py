@@ -21,11 +21,11 @@ from sidestep.validation.cli.bus_maps import add_bus_map, described, split_maps
 from sidestep.validation.cli.campaign import add_campaign
 from sidestep.validation.cli.can import add_can
 from sidestep.validation.cli.compare import add_compare, add_golden
-from sidestep.validation.cli.completion import add_completion
 from sidestep.validation.cli.fmu import add_fmu
 from sidestep.validation.cli.limits import add_limits
-from sidestep.validation.cli.parser import BAD_INPUT, Parser
 from sidestep.validation.cli.scenarios import add_import, add_scenarios
+from sidestep.validation.cli.shell.completion import add_completion
+from sidestep.validation.cli.shell.parser import BAD_INPUT, Parser
 from sidestep.validation.cli.validate import add_validate
 from sidestep.validation.cli.vehicles import add_vehicles
 

@@ -2,15 +2,17 @@
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import Status
 from sidestep.plant_models.vehicle.parameters import GRAVITY
 from sidestep.validation.judge.verdict import Judgement
-from sidestep.validation.loop.recording import Array, Recording
+from sidestep.validation.loop.recording import SAMPLE_UNITS, Array, Recording
 from sidestep.validation.report.style import (
     BLUE,
     FAINT,
@@ -44,6 +46,27 @@ def signals_figure(scenario: Scenario, recording: Recording, judgement: Judgemen
             one.set_xlabel("time  [s]")
         axes[7].set_xlabel("time of one step  [µs]")
     return figure
+
+
+def draw_signal(axes: Axes, recording: Recording, name: str, **line: Any) -> None:
+    """One signal over time; angles and their rates in degrees.
+
+    Args:
+        axes: To draw in.
+        recording: Of a run.
+        name: Column of `SAMPLE_UNITS`, such as "yaw_rate".
+        line: Further arguments of the line, such as `color`.
+
+    Raises:
+        InputError: No such signal.
+    """
+    if name not in SAMPLE_UNITS:
+        raise InputError("signal", f"{name!r}", ", ".join(SAMPLE_UNITS))
+    unit = SAMPLE_UNITS[name]
+    scale = math.degrees(1.0) if unit.startswith("rad") else 1.0
+    timeline(panel(axes, name.replace("_", " "), unit.replace("rad", "deg").replace("^2", "²")))
+    axes.plot(recording["time"], scale * recording[name], **{"color": BLUE, **line})
+    axes.set_xlabel("time  [s]")
 
 
 def _degrees(values: Array) -> Array:

@@ -13,6 +13,7 @@ from msgspec import Meta
 from sidestep.controller import ControllerConfig
 from sidestep.fmu.importing.mapping import vehicle_table
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.notebook import facts_table
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.ranges import Range
 from sidestep.plant_models.road.reference_path import ReferencePath
@@ -25,7 +26,7 @@ from sidestep.validation.scenarios.library import read_scenario
 from sidestep.validation.scenarios.plant_settings import PlantSettings, plant_settings
 from sidestep.validation.scenarios.readers.formats import ENDINGS, read_foreign
 from sidestep.validation.scenarios.road_table import road_path
-from sidestep.validation.scenarios.tables import checked, file_at, override
+from sidestep.validation.scenarios.tables import checked, file_at, override, overrides_of
 from sidestep.validation.scenarios.traffic import obstacle, placed
 
 ELSEWHERE = ("width_left", "width_right", "cruise_speed")
@@ -34,7 +35,7 @@ ELSEWHERE = ("width_left", "width_right", "cruise_speed")
 Speed = Annotated[float, Range(0.01, 150.0, "m/s")]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Scenario:
     """One drive: road, obstacles, car, controller and plant.
 
@@ -71,6 +72,19 @@ class Scenario:
     notes: tuple[str, ...] = ()
     tables: dict[str, Any] = field(default_factory=dict, compare=False)
     folder: Path = field(default=Path(), compare=False)
+
+    def __repr__(self) -> str:
+        count = len(self.obstacles)
+        boxes = f"{count} obstacle{'' if count == 1 else 's'}"
+        return f"Scenario({self.name!r}, {self.speed:g} m/s, {self.duration:g} s, {boxes}, on {self.plant.name})"
+
+    def _repr_html_(self) -> str:
+        facts = [
+            ("description", self.description), ("speed", f"{self.speed:g} m/s"), ("duration", f"{self.duration:g} s"),
+            ("road", f"{self.path.length:.1f} m"), ("obstacles", len(self.obstacles)), ("car", self.vehicle.name),
+            ("controller", self.controller_preset), ("plant", self.plant.name),
+        ]  # fmt: skip
+        return facts_table(f"Scenario {self.name}", facts)
 
 
 @dataclass
@@ -124,16 +138,19 @@ class StartTable:
     yaw_rate: Annotated[float, Range(-10.0, 10.0, "rad/s")] = 0.0
 
 
-def load_scenario(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
+def load_scenario(name_or_path: str | Path, overrides: Sequence[str] = (), /, **values: Any) -> Scenario:
     """Read a scenario.
 
     Args:
         name_or_path: One of `built_in_scenarios()`, a TOML file, a CommonRoad .xml or an OpenSCENARIO .xosc file.
         overrides: `key=value` with dotted keys, as given to `--set`.
+        values: The same as Python's values: `speed=17.0`, a table by its keys, `plant={"friction": 0.6}`, or a dotted
+            key, `**{"obstacles.0.l": 0.5}`.
 
     Raises:
         InputError: With file, dotted key and what is allowed.
     """
+    overrides = [*overrides, *overrides_of(values)]
     if (foreign := Path(name_or_path)).suffix.lower() in ENDINGS and foreign.is_file():
         own = {key: value for change in overrides for key, value in _parameter(change)}
         imported = read_foreign(foreign, own)

@@ -4,7 +4,7 @@ import argparse
 import shlex
 from collections.abc import Callable
 
-from sidestep.validation.cli.parser import choices_of, commands_of, every_command, words_of
+from sidestep.validation.cli.shell.parser import choices_of, commands_of, every_command, words_of
 
 _SCENARIO = "SCENARIO"
 

@@ -7,10 +7,10 @@ import subprocess
 
 import pytest
 
-from sidestep.validation.cli.completion import bash, fish, zsh
-from sidestep.validation.cli.examples import EXAMPLES
 from sidestep.validation.cli.main import _parser, main
-from sidestep.validation.cli.parser import every_command, options_of
+from sidestep.validation.cli.shell.completion import bash, fish, zsh
+from sidestep.validation.cli.shell.examples import EXAMPLES
+from sidestep.validation.cli.shell.parser import every_command, options_of
 from sidestep.validation.console import new_table, print_runs, show
 
 SUMMARY = {

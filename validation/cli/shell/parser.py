@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from typing import Any, NoReturn
 
-from sidestep.validation.cli.examples import EXAMPLES
+from sidestep.validation.cli.shell.examples import EXAMPLES
 
 BAD_INPUT = 2
 
@@ -23,7 +23,7 @@ class Parser(argparse.ArgumentParser):
         """Leave with one line on stderr."""
         self.exit(BAD_INPUT, f"sidestep: {message}{self._meant(message)} (see {self.prog} --help)\n")
 
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:  # pyright: ignore[reportIncompatibleMethodOverride]
         """As argparse does, but what a command does not know is refused by that command, which knows what it does."""
         parsed, unknown = super().parse_known_args(args, namespace)
         if unknown:
