@@ -108,8 +108,10 @@ def print_runs(summaries: Sequence[dict[str, Any]]) -> None:
 
 
 def row_name(summary: dict[str, Any]) -> str:
-    """The plant, and the preset unless it is the default."""
-    return summary["plant"] + (f" ({summary['preset']})" if summary["preset"] != "default" else "")
+    """The plant, and the preset unless it is the default; for somebody else's controller its name."""
+    own = summary.get("controller", "sidestep").rpartition(":")[2]
+    of = own if own != "sidestep" else summary["preset"]
+    return summary["plant"] + (f" ({of})" if of != "default" else "")
 
 
 def _table(title: str, summaries: Sequence[dict[str, Any]]) -> Table:

@@ -102,6 +102,9 @@ def _add_run(commands: argparse._SubParsersAction) -> None:
     run.add_argument(
         "--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, an .fmu file, or MODULE:FACTORY"
     )
+    run.add_argument(
+        "--controller", metavar="MODULE:FACTORY", help="a controller of your own, with ours to take over; default: ours"
+    )
     add_bus_map(run, "; and that of an FMU that is not ours")
     run.add_argument(
         "--isolate", type=positive_number, nargs="?", const=5.0, metavar="SECONDS",
@@ -203,6 +206,8 @@ def plant_overrides(options: argparse.Namespace) -> list[str]:
     if options.plant is not None:
         plant = str(Path(options.plant).absolute()) if options.plant.endswith(".fmu") else options.plant
         overrides.append(f"plant.kind={json.dumps(plant)}")
+    if getattr(options, "controller", None) not in (None, "default"):
+        overrides.append(f"controller.kind={json.dumps(options.controller)}")
     given = options.map if isinstance(options.map, list) else [options.map] if options.map else []
     _, maps = split_maps([str(name) for name in given])
     if maps:

@@ -49,6 +49,7 @@ class Scenario:
         vehicle: The car, as the controller knows it.
         controller: Its configuration, the road's widths included.
         controller_preset: Name of the configuration that it started from.
+        controller_kind: `module:factory` of somebody else's controller; empty for ours.
         description: One line for lists.
         plant: Which plant.
         goal: Where, when and how it ends before its time; None for nowhere.
@@ -66,6 +67,7 @@ class Scenario:
     vehicle: VehicleParameters
     controller: ControllerConfig
     controller_preset: str = "default"
+    controller_kind: str = ""
     description: str = ""
     plant: PlantSettings = field(default_factory=PlantSettings)
     goal: Goal | None = None
@@ -205,7 +207,7 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
     top = ScenarioTables(**checked(ScenarioTables, {"name": file.stem, **tables}))
     start = StartTable(**checked(StartTable, top.start, "start"))
     path = road_path(top.road, file.parent)
-    preset, config = _controller(top.controller, path, top.speed)
+    kind, preset, config = _controller(top.controller, path, top.speed)
     obstacles = (obstacle(values, f"obstacles[{i}]", path, file.parent) for i, values in enumerate(top.obstacles))
     x, y, yaw = placed(path, start.s, start.l, start.heading)
     speed = top.speed if start.speed is None else start.speed
@@ -222,6 +224,7 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
         vehicle=_vehicle(told_car(top.vehicle, plant), file.parent),
         controller=config,
         controller_preset=preset,
+        controller_kind=kind,
         description=top.description,
         plant=plant,
         tables=tables,
@@ -248,11 +251,14 @@ def told_car(vehicle: dict[str, Any], plant: PlantSettings) -> dict[str, Any]:
     return vehicle_table(Path(plant.map)) | vehicle
 
 
-def _controller(table: dict[str, Any], path: ReferencePath, speed: float) -> tuple[str, ControllerConfig]:
+def _controller(table: dict[str, Any], path: ReferencePath, speed: float) -> tuple[str, str, ControllerConfig]:
     elsewhere = dict(zip(ELSEWHERE, (*path.edges.narrowest, speed), strict=True))
-    values = checked(ControllerConfig, table, "controller", partial=True, also={"preset": str}, without=ELSEWHERE)
-    preset = values.pop("preset", "default")
-    return preset, ControllerConfig.preset(preset, **elsewhere, **values)
+    names = {"preset": str, "kind": str}
+    values = checked(ControllerConfig, table, "controller", partial=True, also=names, without=ELSEWHERE)
+    preset, kind = values.pop("preset", "default"), values.pop("kind", "")
+    if kind and ":" not in kind:
+        raise InputError("controller.kind", f"{kind!r}", "module:factory, or nothing for ours")
+    return kind, preset, ControllerConfig.preset(preset, **elsewhere, **values)
 
 
 def _check_start(scenario: Scenario, s: float) -> None:

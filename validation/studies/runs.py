@@ -5,18 +5,20 @@ from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
+from sidestep.controller import SteeringController
 from sidestep.controller.can_port.codec.database import BusMessage
 from sidestep.controller.can_port.port import SteeringPort
 from sidestep.validation.files import made
-from sidestep.validation.judge.findings import for_the_judge
+from sidestep.validation.judge.findings import Finding, Verdict, for_the_judge
 from sidestep.validation.judge.run import Run
 from sidestep.validation.judge.summary import summarise
 from sidestep.validation.judge.verdict import judge
 from sidestep.validation.loop.announced import Announced
-from sidestep.validation.loop.closed_loop import bare_controller
+from sidestep.validation.loop.closed_loop import driving_controller
 from sidestep.validation.loop.cosimulation import PLANT_STEP, Coupling, cosimulate
 from sidestep.validation.loop.foreign import is_foreign
 from sidestep.validation.loop.measurement import sensed
+from sidestep.validation.loop.own_controller import OwnController
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.start import reset_to
 from sidestep.validation.report.film import film
@@ -100,7 +102,8 @@ def drive(
     """
     writes, can = folder is not None, can or ("off" if folder is None else "auto")
     folder = folder or Path("runs") / scenario.name
-    told = Announced(bare_controller(scenario))
+    driver = driving_controller(scenario)
+    told = Announced(driver)
     controller = sensed(told, scenario)
     with (
         open_plant(scenario) as plant,
@@ -118,13 +121,19 @@ def drive(
         with port:
             told.announce = port.announce
             recording = cosimulate(controller, plant, scenario, port, coupling, _all(show, shoot, progress))
-    found = for_the_judge(port.findings())
+    found = (*for_the_judge(port.findings()), *_own_failure(driver))
     judgement = judge(recording, scenario, found)
     frames = {
         "sent": port.sent, "lost": port.lost, "strangers": port.strangers, "interface": port.interface,
     }  # fmt: skip
     summary = summarise(scenario, recording, judgement, can=frames, coupling=coupling, command_line=command_line)
     return DrivenRun(scenario, recording, judgement, summary, folder)
+
+
+def _own_failure(driver: SteeringController | OwnController) -> tuple[Finding, ...]:
+    """Somebody else's controller that ours had to take over from has failed, however the drive ended."""
+    failure = getattr(driver, "failure", "")
+    return (Finding("own controller failed", Verdict.FAIL, failure),) if failure else ()
 
 
 def _gone(file: Path) -> Path:
