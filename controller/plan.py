@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sidestep.controller.mpc.status import NAMES
+from sidestep.plant_models.notebook import facts_table
 from sidestep.plant_models.signals import Status
 
 Array = NDArray[np.float64]
@@ -59,6 +60,19 @@ class Plan(NamedTuple):
     stop_distance: float = math.inf
     target_speed: float = 0.0
     sides: tuple[int, ...] = ()
+
+    def __repr__(self) -> str:
+        way = f"{self.s[0]:.1f} to {self.s[-1]:.1f} m" if len(self.s) else "no way"
+        return f"Plan({self.time:.2f} s, {self.status.name}, {way}, {self.solver_status})"
+
+    def _repr_html_(self) -> str:
+        facts = [
+            ("status", self.status.name), ("solver", f"{self.solver_status}, {self.iterations} iterations"),
+            ("way", f"{len(self.s)} stations"), ("prediction", f"{len(self.states)} states"),
+            ("feasible", self.feasible), ("corridor slack", f"{1e3 * self.slack_corridor:.3f} mm"),
+            ("step", f"{self.step_us:.0f} µs"),
+        ]  # fmt: skip
+        return facts_table(f"Plan at {self.time:.2f} s", facts)
 
     @classmethod
     def of(cls, plan: np.void, settings: np.void, obstacles: int, solve_us: float, step_us: float) -> "Plan":

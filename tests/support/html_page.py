@@ -23,7 +23,7 @@ class Page(HTMLParser):
         if tag in ("link", "image", "use"):
             self.loads += [values[key] for key in ("href", "xlink:href") if key in values]
         elif tag == "a":
-            self.links.append(values["href"])
+            self.links.append(values.get("href", values.get("xlink:href")))
 
     def handle_startendtag(self, tag, attrs):
         self.handle_starttag(tag, attrs)

@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from io import TextIOWrapper
 from pathlib import Path
-from typing import NoReturn
 
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.validation.cli.arguments import PLANTS, positive_number
@@ -25,15 +24,12 @@ from sidestep.validation.cli.compare import add_compare, add_golden
 from sidestep.validation.cli.fmu import add_fmu
 from sidestep.validation.cli.limits import add_limits
 from sidestep.validation.cli.scenarios import add_import, add_scenarios
+from sidestep.validation.cli.shell.completion import add_completion
+from sidestep.validation.cli.shell.parser import BAD_INPUT, Parser
 from sidestep.validation.cli.validate import add_validate
 from sidestep.validation.cli.vehicles import add_vehicles
 
-FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        self.exit(BAD_INPUT, f"sidestep: {message} (see {self.prog} --help)\n")
+FAILED, INTERRUPTED = 1, 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -75,7 +71,7 @@ def _status(arguments: Sequence[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
+    parser = Parser(
         prog="sidestep", description="Obstacle avoidance by corridor planning and MPC, on plants and on CAN."
     )
     parser.add_argument("--version", action="version", version=version("sidestep"))
@@ -83,6 +79,7 @@ def _parser() -> argparse.ArgumentParser:
     own = (_add_demo, _add_run, add_scenarios, add_import, add_vehicles, add_validate, add_campaign, _add_bench)
     for add in (*own, add_compare, add_golden, add_limits, add_fmu, add_can):
         add(commands)
+    add_completion(commands, parser)
     return parser
 
 
@@ -103,6 +100,9 @@ def _add_run(commands: argparse._SubParsersAction) -> None:
     )
     what.add_argument("--from", dest="row", metavar="FILE.jsonl:ROW", help="a row of a campaign, exactly as it was")
     run.add_argument("--plant", metavar="PLANT", help=PLANTS)
+    run.add_argument(
+        "--controller", metavar="MODULE:FACTORY", help="a controller of your own, with ours to take over; default: ours"
+    )
     add_bus_map(run, "; and that of an FMU or a MuJoCo model that is not ours")
     run.add_argument(
         "--isolate", type=positive_number, nargs="?", const=5.0, metavar="SECONDS",
@@ -206,6 +206,8 @@ def plant_overrides(options: argparse.Namespace) -> list[str]:
     if options.plant is not None:
         plant = str(Path(options.plant).absolute()) if options.plant.endswith(FILES) else options.plant
         overrides.append(f"plant.kind={json.dumps(plant)}")
+    if getattr(options, "controller", None) not in (None, "default"):
+        overrides.append(f"controller.kind={json.dumps(options.controller)}")
     given = options.map if isinstance(options.map, list) else [options.map] if options.map else []
     _, maps = split_maps([str(name) for name in given])
     if maps:

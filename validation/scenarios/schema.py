@@ -67,6 +67,7 @@ class Table:
 def tables() -> tuple[Table, ...]:
     """All tables of a scenario file."""
     preset = Key("preset", str, '"default"', "Name of the configuration that the others are put into: default, paper.")
+    kind = Key("kind", str, '""', "`module:factory` of a controller of your own, with ours beside it; empty for ours.")
     car = (
         Key("preset", str, '"bmw-320i"', "Name of the car that the others are put into, see `sidestep vehicles`."),
         Key("file", str, '""', "TOML file with such values instead of a preset."),
@@ -89,7 +90,7 @@ def tables() -> tuple[Table, ...]:
         _table("vehicle", VehicleParameters, _EXAMPLES["vehicle"], car, elsewhere, partial=True),
         _table("vehicle.tyre", TyreParameters, "[vehicle.tyre]\np_dy1 = 0.9", partial=True),
         _table("vehicle.suspension", SuspensionParameters, "[vehicle.suspension]\nspring_front = 3e4", partial=True),
-        _table("controller", ControllerConfig, _EXAMPLES["controller"], (preset,), elsewhere, partial=True),
+        _table("controller", ControllerConfig, _EXAMPLES["controller"], (preset, kind), elsewhere, partial=True),
         _table("plant", PlantSettings, _EXAMPLES["plant"]),
         _table("plant.patches[]", FrictionPatch, "{ s = 30.0, length = 10.0, l = 0.0, width = 4.0, friction = 0.2 }"),
         _table("plant.heights", HeightTable, '{ path = "bumps.csv", spacing = 0.1 }'),

@@ -46,7 +46,7 @@ def test_the_verdicts_colour_is_its_own(verdict, tone):
 
 
 def test_large_figures_become_pictures():
-    assert picture(drawn()).startswith("<svg")
+    assert picture(drawn()).drawn.startswith("<svg")
     html = report([Evidence("Cloud", figure=drawn(10_000))])
     assert 'src="data:image/png;base64,' in html
     assert len(html) < LARGEST_SVG
