@@ -16,6 +16,7 @@ from sidestep.controller.mpc.status import INPUT, UNCONSTRAINED
 from sidestep.controller.mpc.unconstrained import solve_freely
 from sidestep.controller.perception.locate import locate
 from sidestep.controller.records import STATES
+from sidestep.controller.speed import give_way_ahead
 from sidestep.controller.validity import slip_limits
 from sidestep.plant_models.kernels import Array, Record, Records, kernel
 
@@ -84,6 +85,7 @@ def prepare(
     decide(m, w, c, road, boxes, state, m.plans[1 - max(m.good, 0)])
     if c.grid.literal:
         return BOUNDED
+    give_way_ahead(m, w, c, road, state.v_x)
     slip_limits(state.v_x, w, c)
     linearise(w, c)
     condense(w, c)
