@@ -117,8 +117,10 @@ class Actuator:
         """
         self._speed = vehicle.v_x if self._frame is None else self._speed
         self._receive(frames, vehicle.time)
-        for data in self._drive.take(drive) if self._drive else ():
-            self._acceleration, self._accelerated = decode_drive_command(data, self._drive.message), vehicle.time
+        if self._drive:
+            for data in self._drive.take(drive):
+                self._acceleration = decode_drive_command(data, self._drive.message)
+                self._accelerated = vehicle.time
         self.state = self._next_state(vehicle)
         elapsed = max(0.0, vehicle.time - self._last.time) if self._last else 0.0
         if self.state is not ActuatorState.FAULT and (self.state is ActuatorState.INIT or self._last is None):

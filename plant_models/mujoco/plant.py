@@ -101,9 +101,8 @@ class MujocoPlant:
             position[2] += self._surface.heights.at(state.x, state.y)
         position[3:7] = _quaternion(state.yaw)
         velocity[:2] = cos * state.v_x - sin * state.v_y, sin * state.v_x + cos * state.v_y
-        velocity[5] = state.yaw_rate
         own["steer_angle"] = own["steer_command"] = state.steer_angle
-        own["target_speed"], own["acceleration"] = state.v_x, math.nan
+        own["target_speed"], own["acceleration"], velocity[5] = state.v_x, math.nan, state.yaw_rate
         self._set_rolling(state)
         self._place_obstacles(state.time)
         self._planar[2] = state.yaw  # the branch to stay on
@@ -144,8 +143,7 @@ class MujocoPlant:
         if math.isfinite(command.steer_angle):
             limit = self._vehicle.steer_limit
             own["steer_command"] = min(max(command.steer_angle, -limit), limit)
-        held = float(own["target_speed"][0]), float(own["acceleration"][0])
-        own["target_speed"], own["acceleration"] = drive_asked(command, held)
+        own[["target_speed", "acceleration"]] = drive_asked(command, own[["target_speed", "acceleration"]][0].item())
         steps = max(1, math.ceil(dt / self._time_step - 1e-9))
         self.model.opt.timestep = dt / steps
         if self._moves:
