@@ -35,6 +35,7 @@ class Plan(NamedTuple):
         solve_us, step_us: Time for the solver and for the whole step, in [us].
         stop_distance: Free distance before what blocks the road, in [m]; infinite if nothing does.
         target_speed: As sent with the command, in [m/s].
+        acceleration: As sent with the command, in [m/s^2].
         sides: Passing side of each obstacle, +1 on its left, -1 on its right, 0 in the way, waited for, or out of view.
     """
 
@@ -59,6 +60,7 @@ class Plan(NamedTuple):
     step_us: float
     stop_distance: float = math.inf
     target_speed: float = 0.0
+    acceleration: float = 0.0
     sides: tuple[int, ...] = ()
 
     def __repr__(self) -> str:
@@ -97,5 +99,6 @@ class Plan(NamedTuple):
             primal_residual=float(plan["primal_residual"]), dual_residual=float(plan["dual_residual"]),
             slack_corridor=float(plan["slack_corridor"]), slack_slip=float(plan["slack_slip"]),
             feasible=bool(plan["feasible"]), solve_us=solve_us, step_us=step_us,
-            stop_distance=float(plan["stop_distance"]), target_speed=float(plan["target_speed"]), sides=tuple(sides),
+            stop_distance=float(plan["stop_distance"]), target_speed=float(plan["target_speed"]),
+            acceleration=float(plan["acceleration"]), sides=tuple(sides),
         )  # fmt: skip

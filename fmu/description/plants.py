@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from sidestep.fmu.description.variables import MOTION, Model, Variable
+from sidestep.fmu.importing.mapping import ACCELERATION_START, NO_ACCELERATION
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.speed_control import SPEED_GAIN
 from sidestep.plant_models.vehicle.parameters import AXLES, VehicleParameters
@@ -120,6 +121,8 @@ def _motion(outputs: tuple[tuple[str, str, str], ...], hidden: tuple[tuple[str, 
     yield Variable("time", "time", "s", "Simulation time")
     yield Variable("steer_angle_command", "input", "rad", "Road-wheel angle to be realised", 0.0)
     yield Variable("target_speed", "input", "m/s", "Speed to hold; below zero counts as zero", 15.0)
+    text = f"Acceleration to be realised, negative to brake; {NO_ACCELERATION:g} and more: none, target_speed is held"
+    yield Variable("acceleration", "input", "m/s2", text, ACCELERATION_START)
     states = (*outputs, *hidden, _STEERING)
     for row in states:
         yield Variable(row[0], "hidden state" if row in hidden else "state", *row[1:])

@@ -7,6 +7,7 @@ values in one flat array in that order, so that a value reference also is an arr
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from sidestep.fmu.importing.mapping import NO_ACCELERATION
 from sidestep.plant_models.vehicle.parameters import GRAVITY
 
 Kind = Literal["time", "input", "state", "hidden state", "derivative", "output", "sampled", "tunable", "fixed"]
@@ -121,7 +122,7 @@ def c_header(model: Model, token: str) -> str:
     states = model.of_kind("state", "hidden state")
     return (
         "/* Generated from the variable table: do not edit. */\n#pragma once\n"
-        f'#define MODEL_TOKEN "{token}"\n#define GRAVITY {GRAVITY!r}\n'
+        f'#define MODEL_TOKEN "{token}"\n#define GRAVITY {GRAVITY!r}\n#define NO_ACCELERATION {NO_ACCELERATION!r}\n'
         f"enum {{\n{references}    N_VARIABLES,\n"
         f"    FIRST_STATE = {states[0][0] if states else 0},\n    N_STATES = {len(states)}\n}};\n"
         f"#define VARIABLE_ROWS {{ \\\n{rows}}}\n"

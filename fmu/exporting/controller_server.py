@@ -111,8 +111,8 @@ class ControllerServer:
         assert plan is not None
         solved = {"INPUT": 2.0, "SOLVED": 0.0, "UNCONSTRAINED": 0.0}.get(plan.solver_status, 1.0)
         outputs = _OUTPUTS.pack(
-            command.steer_angle, command.target_speed, command.status, self._clearance(state), solved,
-            plan.iterations, plan.slack_corridor, plan.slack_slip, 1e-6 * plan.solve_us, took, state.time,
+            command.steer_angle, command.target_speed, command.acceleration, command.status, self._clearance(state),
+            solved, plan.iterations, plan.slack_corridor, plan.slack_slip, 1e-6 * plan.solve_us, took, state.time,
         )  # fmt: skip
         return data[: _STATE.size] + outputs + data[_SETTINGS]
 

@@ -12,7 +12,8 @@ STATE = (*MOTION, ("steer_angle", "rad", "Realised road-wheel angle"))
 
 OUTPUTS = (
     ("steer_angle_command", "rad", "Road-wheel angle to be realised"),
-    ("target_speed", "m/s", "Speed to hold"),
+    ("target_speed", "m/s", "Speed to hold, for plants that know nothing else"),
+    ("acceleration", "m/s2", "Acceleration wanted now, negative to brake"),
     ("status", "", "0 tracking, 1 degraded, 2 blocked, 3 fault"),
     ("clearance", "m", "From the car to the nearest obstacle, 0 on contact, 1000 where there is none"),
     ("qp_status", "", "0 solved, 1 not solved, 2 not asked because the input could not be used"),

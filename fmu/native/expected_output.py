@@ -5,6 +5,7 @@ from pathlib import Path
 
 from sidestep.fmu.description.variables import Model
 from sidestep.fmu.importing.instance import FmuInstance
+from sidestep.fmu.importing.mapping import ACCELERATION_START
 
 STEP, STEPS = 0.02, 200
 """Communication step, in [s], and number of rows after the first."""
@@ -47,7 +48,7 @@ def _run(file: Path, inputs: list[str], outputs: list[str], speed: float) -> Ite
         fmu.close()
 
 
-def _manoeuvre(time: float, speed: float) -> tuple[float, float]:
-    """Steering angle and target speed: left, right, and straight on more slowly."""
+def _manoeuvre(time: float, speed: float) -> tuple[float, float, float]:
+    """Steering angle, target speed and acceleration: left, right, straight on more slowly, and brake."""
     steer = 0.04 if 0.2 <= time < 1.0 else -0.04 if 1.0 <= time < 1.8 else 0.0
-    return steer, speed if time < 2.0 else 0.8 * speed
+    return steer, speed if time < 2.0 else 0.8 * speed, ACCELERATION_START if time < 3.0 else -2.0

@@ -18,6 +18,7 @@ from sidestep.plant_models.mujoco.surface import Surface, patch_table
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road.reference_path import ReferencePath
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
+from sidestep.plant_models.speed_control import drive_asked
 from sidestep.plant_models.tyres.contact import CAR, PATCH, STATE, TYRE_MODES, relaxed_slip
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
@@ -100,8 +101,8 @@ class MujocoPlant:
             position[2] += self._surface.heights.at(state.x, state.y)
         position[3:7] = yaw_quaternion(state.yaw)
         velocity[:2] = cos * state.v_x - sin * state.v_y, sin * state.v_x + cos * state.v_y
-        velocity[5] = state.yaw_rate
-        own["steer_angle"], own["steer_command"], own["target_speed"] = state.steer_angle, state.steer_angle, state.v_x
+        own["steer_angle"] = own["steer_command"] = state.steer_angle
+        own["target_speed"], own["acceleration"], velocity[5] = state.v_x, math.nan, state.yaw_rate
         self._set_rolling(state)
         self._place_obstacles(state.time)
         self._planar[2] = state.yaw  # the branch to stay on
@@ -142,8 +143,7 @@ class MujocoPlant:
         if math.isfinite(command.steer_angle):
             limit = self._vehicle.steer_limit
             own["steer_command"] = min(max(command.steer_angle, -limit), limit)
-        if math.isfinite(command.target_speed):
-            own["target_speed"] = command.target_speed
+        own[["target_speed", "acceleration"]] = drive_asked(command, own[["target_speed", "acceleration"]][0].item())
         steps = max(1, math.ceil(dt / self._time_step - 1e-9))
         self.model.opt.timestep = dt / steps
         if self._moves:

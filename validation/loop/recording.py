@@ -35,6 +35,7 @@ SAMPLE_UNITS = {
     "steer_command": "rad",  # as the controller gave it
     "steer_received": "rad",  # as it came off the bus, held over the step that begins here
     "target_speed": "m/s",
+    "acceleration": "m/s^2",  # as commanded and received; nan for none
     "status": "-",
     "lateral_acceleration": "m/s^2",
     "steer_rate": "rad/s",

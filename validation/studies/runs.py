@@ -100,8 +100,7 @@ def drive(
             behind then.
         PlantError: The plant cannot be built or cannot start.
     """
-    writes = folder is not None
-    can = can if can is not None else "auto" if writes else "off"
+    writes, can = folder is not None, ("auto" if folder else "off") if can is None else can
     folder = folder or Path("runs") / scenario.name
     driver = driving_controller(scenario)
     told = Announced(driver)

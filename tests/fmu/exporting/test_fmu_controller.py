@@ -21,7 +21,7 @@ from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.validation.scenarios.scenario import load_scenario
 
 SCENE = load_scenario("double-obstacle")
-COMMAND = ["steer_angle_command", "target_speed", "status"]
+COMMAND = ["steer_angle_command", "target_speed", "acceleration", "status"]
 
 
 def export(fmi):
@@ -66,7 +66,7 @@ def drive(controller, count=60):
     state, rows = plant.reset(SCENE.start), []
     for _ in range(count):
         command = controller.step(state)
-        rows.append((state, [command.steer_angle, command.target_speed, float(command.status)]))
+        rows.append((state, [command.steer_angle, command.target_speed, command.acceleration, float(command.status)]))
         state = plant.step(command, 0.02)
     return rows
 
@@ -139,7 +139,7 @@ def test_tuning_while_it_runs_keeps_the_memory(driven):
         fmu.set(port)
         for state, _ in driven[20:40]:
             found, command = driver.step(state), tuned.step(state)
-            assert found == [command.steer_angle, command.target_speed, float(command.status)]
+            assert found == [command.steer_angle, command.target_speed, command.acceleration, float(command.status)]
         assert found != driven[39][1]
 
 

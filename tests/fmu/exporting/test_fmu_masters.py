@@ -24,7 +24,7 @@ from sidestep.validation.scenarios.scenario import load_scenario
 
 SCENE = load_scenario("single-obstacle", ["controller.input_delay_steps=1"])
 NAMES = [name for name, *_ in STATE]
-COMMANDS = ("steer_angle_command", "target_speed")
+COMMANDS = ("steer_angle_command", "target_speed", "acceleration")
 STEPS, PERIOD = 80, SCENE.controller.period
 
 

@@ -70,7 +70,7 @@ def values(state, **settings):
 
 def answered(data):
     row = np.frombuffer(data)
-    return [row[AT["steer_angle_command"]], row[AT["target_speed"]], int(row[AT["status"]])]
+    return [row[AT["steer_angle_command"]], row[AT["target_speed"]], row[AT["acceleration"]], int(row[AT["status"]])]
 
 
 def drive(controller, count):
@@ -78,7 +78,7 @@ def drive(controller, count):
     state, rows = plant.reset(SCENE.start), []
     for _ in range(count):
         command = controller.step(state)
-        rows.append((state, [command.steer_angle, command.target_speed, command.status]))
+        rows.append((state, [command.steer_angle, command.target_speed, command.acceleration, command.status]))
         state = plant.step(command, 0.02)
     return rows
 
@@ -126,7 +126,7 @@ def test_changed_settings_hold_from_then_on_and_keep_the_memory(ask, driven):
     for state, _ in driven[1:]:
         command = tuned.step(state)
         found = answered(ask(STEP, values(state, buffer=0.5))[1])
-        assert found == [command.steer_angle, command.target_speed, command.status]
+        assert found == [command.steer_angle, command.target_speed, command.acceleration, command.status]
 
 
 def test_errors_are_answers_after_which_it_goes_on(ask, driven):

@@ -35,13 +35,17 @@ def multicast_spec():
 
 def slalom(count, start=0.0):
     return [
-        SteeringCommand(start + k * CYCLE, 0.3 * math.sin(0.1 * k), 15.0 - 0.01 * k, Status(k % 3))
+        SteeringCommand(
+            start + k * CYCLE, 0.3 * math.sin(0.1 * k), 15.0 - 0.01 * k, Status(k % 3),
+            acceleration=math.nan if k % 7 == 3 else 3.0 * math.cos(0.1 * k),
+        )
         for k in range(count)
-    ]
+    ]  # fmt: skip
 
 
 def assert_same_but_quantised(got, asked):
     assert got is not None
     assert abs(got.steer_angle - asked.steer_angle) <= 2.5e-5 * (1 + 1e-9)
     assert abs(got.target_speed - asked.target_speed) <= 0.005 * (1 + 1e-9)
+    assert got.acceleration == pytest.approx(asked.acceleration, abs=0.0005 * (1 + 1e-9), nan_ok=True)
     assert (got.time, got.status) == (asked.time, asked.status)

@@ -149,7 +149,7 @@ def test_columns_come_back_exactly_from_their_csv(tmp_path):
     for name, columns in (("recording", recording.samples), ("steps", recording.steps)):
         back = read_columns(tmp_path / f"{name}.csv")
         assert list(back) == list(columns)
-        assert all(np.array_equal(back[key], columns[key]) for key in columns)
+        assert all(np.array_equal(back[key], columns[key], equal_nan=True) for key in columns)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["recording.csv", "steps.csv"]
 
 

@@ -20,6 +20,7 @@ def test_dbc_is_strictly_consistent_and_complete():
     assert [(x.name, x.frame_id, x.length, x.cycle_time) for x in database.messages] == [
         ("STEER_CMD", 0x101, 8, 10),
         ("STEER_STATUS", 0x102, 8, 10),
+        ("DRIVE_CMD", 0x103, 8, 10),
         ("VEH_DYN", 0x201, 8, 10),
         ("VEH_POS", 0x202, 8, 10),
         ("VEH_HEADING", 0x203, 8, 10),
@@ -45,7 +46,8 @@ def test_dbc_is_strictly_consistent_and_complete():
 def test_catalogue_has_the_database_s_cycles_and_senders():
     got = {name: (message.cycle, message.sender) for name, message in messages().items()}
     assert got == {
-        "STEER_CMD": (pytest.approx(0.01), "CTRL"), "STEER_STATUS": (pytest.approx(0.01), "EPS"),
+        "STEER_CMD": (pytest.approx(0.01), "CTRL"), "DRIVE_CMD": (pytest.approx(0.01), "CTRL"),
+        "STEER_STATUS": (pytest.approx(0.01), "EPS"),
         "VEH_DYN": (pytest.approx(0.01), "VEH"), "VEH_POS": (pytest.approx(0.01), "VEH"),
         "VEH_HEADING": (pytest.approx(0.01), "VEH"), "CTRL_STATUS": (pytest.approx(0.1), "CTRL"),
     }  # fmt: skip
