@@ -103,7 +103,7 @@ def test_command_that_is_not_finite_keeps_the_last_one(plant):
 
 def test_fmu_itself_ignores_an_input_that_is_not_a_number(plant):
     plant.reset(START)
-    plant._inputs.values[:] = [math.nan, 12.0]
+    plant._inputs.values[:] = [math.nan, 12.0, math.nan]
     plant._fmu.set(plant._inputs)  # a warning, no error
     port = plant._fmu.port(["steer_angle_command", "target_speed"])
     plant._fmu.get(port)
