@@ -1,7 +1,6 @@
 """Channels of a log file, whatever it is: tables (.csv, .parquet), MF4, or CAN frames with a database; .gz of any."""
 
 import csv
-import gzip
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.unpacking import unpack_gz
 from sidestep.validation.model_error.logs.channel import Channel
 from sidestep.validation.model_error.logs.frames import read_frames
 from sidestep.validation.model_error.logs.mapping import LogMap
@@ -19,6 +19,7 @@ from sidestep.validation.model_error.logs.units import factor, split_unit
 Array = NDArray[np.float64]
 
 KINDS = ".csv, .txt, .tsv, .parquet, .mf4, .mdf; with `dbc` in the mapping .blf, .asc, .log, .csv; each with .gz"
+_LONGEST_HEAD = 1 << 16  # letters
 _TIMES = ("time", "t", "timestamp", "timestamps", "seconds", "sec")
 
 
@@ -52,17 +53,14 @@ def _unpacked(path: Path) -> Iterator[tuple[Path, str]]:
     inner = Path(path.stem)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / inner.name
-        try:
-            file.write_bytes(gzip.decompress(path.read_bytes()))
-        except (OSError, EOFError, ValueError) as error:
-            raise InputError(str(path), f"cannot be unpacked ({error})", KINDS) from error
+        unpack_gz(path, file)
         yield file, inner.suffix.lower()
 
 
 def _csv(file: Path, shown: Path, mapping: LogMap) -> dict[str, Channel]:
     try:
         with file.open(encoding="utf-8-sig", newline="") as stream:
-            first = stream.readline()
+            first = stream.readline(_LONGEST_HEAD)
             try:
                 delimiter = csv.Sniffer().sniff(first, ",;\t").delimiter
             except csv.Error as error:
