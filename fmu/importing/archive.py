@@ -184,7 +184,8 @@ def _read_description(path: Path, archive: zipfile.ZipFile) -> ModelDescription:
         version = root.get("fmiVersion", "")
         if version.startswith("1."):
             raise InputError(str(path), f"FMI {version}", "FMI 2.0, FMI 3.0")
-        description = fmpy.read_model_description(path, validate=False)
+        with path.open("rb") as file:  # which fmpy itself leaves open when it fails
+            description = fmpy.read_model_description(file, validate=False)
         interface = root.find("CoSimulation")
     except InputError:
         raise

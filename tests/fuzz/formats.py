@@ -33,6 +33,7 @@ from sidestep.plant_models.vehicle.parameters import VehicleParameters
 from sidestep.validation.campaigns.campaign import cases, load_campaign
 from sidestep.validation.campaigns.campaign_run import load_rows
 from sidestep.validation.loop.recording import SAMPLE_UNITS, read_columns
+from sidestep.validation.model_error.identification.car_kernel import Chassis, Values
 from sidestep.validation.model_error.identification.identified_file import read_identified
 from sidestep.validation.model_error.logs.mapping import read_map
 from sidestep.validation.model_error.logs.measured import load_log
@@ -108,7 +109,9 @@ def _read_waypoints(file: Path) -> None:
 
 
 def _read_motion(file: Path) -> None:
-    text = _LINE + f'[[obstacles]]\nlength = 1.0\nwidth = 1.0\ntrajectory = {{ file = "{file.name}" }}\n'
+    text = (
+        _LINE + f'[[obstacles]]\nlength = 1.0\nwidth = 1.0\ntrajectory = {{ frame = "world", file = "{file.name}" }}\n'
+    )
     parse_scenario(text, "scene", (), file.parent / "scene.toml")
 
 
@@ -156,9 +159,9 @@ def _read_summary(file: Path) -> None:
 
 @cache
 def _identified() -> list[bytes]:
-    values = dict.fromkeys(("C_f", "C_r", "I_z", "steer_offset", "yaw_rate_offset", "a_y_offset", "steer_delay"), 1.0)
+    values, chassis = dict.fromkeys(Values._fields, 1.0), dict.fromkeys(Chassis._fields, 1.0)
     parameters = {"C_f": {"value": 9e4, "low": 8e4, "high": 1e5, "unit": "N/rad", "refused": ""}}
-    table = {"log": "a", "values": values, "linear": values, "chassis": {"mass": 1e3}, "parameters": parameters,
+    table = {"log": "a", "values": values, "linear": values, "chassis": chassis, "parameters": parameters,
              "explained": {"yaw_rate": 0.9}, "left_out": {}}  # fmt: skip
     return [json.dumps(table).encode()]
 
@@ -194,22 +197,24 @@ def _databases(ending: str) -> list[bytes]:
 def _description(fmi: int) -> bytes:
     type_, start = ("Real", "ScalarVariable") if fmi == 2 else ("Float64", "")
     rows = ""
-    names = ("HandWheel", "input"), ("Pos.x", "output"), ("Psi", "output"), ("mass", "parameter")
+    names = ("SteerAngle", "input"), ("Pos.x", "output"), ("Psi", "output"), ("mass", "parameter")
     for k, (name, kind) in enumerate(names):
         first = "" if kind == "output" else 'start="1.5"'
-        common = f'name="{name}" valueReference="{k}" causality="{kind}"'
+        common, unit = f'name="{name}" valueReference="{k}" causality="{kind}"', "rad" if k == 0 else "m"
+        shape = '<Dimension start="3"/>' if k == 3 else ""
         kept = 'variability="fixed"' if kind == "parameter" else ""
         if start:
-            rows += f'<ScalarVariable {common} {kept}><Real unit="m" {first}/></ScalarVariable>'
+            rows += f'<ScalarVariable {common} {kept}><Real unit="{unit}" {first}/></ScalarVariable>'
         else:
-            rows += f'<{type_} {common} {kept} unit="m" {first}><Dimension start="3"/></{type_}>'
+            rows += f'<{type_} {common} {kept} unit="{unit}" {first}>{shape}</{type_}>'
     version, token = ("2.0", "guid") if fmi == 2 else ("3.0", "instantiationToken")
     step = 'stepSize="0.01"' if fmi == 2 else 'fixedInternalStepSize="0.01"'
     experiment = f"<DefaultExperiment {step}/>" if fmi == 2 else '<DefaultExperiment stopTime="1"/>'
     return (
         f'<?xml version="1.0" encoding="UTF-8"?><fmiModelDescription fmiVersion="{version}" modelName="fuzzed" {token}='
         f'"1"><CoSimulation modelIdentifier="car" {"" if fmi == 2 else step}/><UnitDefinitions><Unit name="m">'
-        f'<BaseUnit m="1" factor="1"/></Unit></UnitDefinitions>{experiment}<ModelVariables>{rows}</ModelVariables>'
+        f'<BaseUnit m="1" factor="1"/></Unit><Unit name="rad"><BaseUnit rad="1"/></Unit></UnitDefinitions>'
+        f"{experiment}<ModelVariables>{rows}</ModelVariables>"
         "<ModelStructure/></fmiModelDescription>"
     ).encode()
 

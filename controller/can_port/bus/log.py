@@ -2,6 +2,7 @@
 
 import gzip
 import io
+import logging
 import sqlite3
 import struct
 import tempfile
@@ -118,7 +119,7 @@ def read_log(path: Path, channel: str | None = None, report: LogReport | None = 
     report, any_frame = report or LogReport(), False
     lines = _Lines()
     try:
-        with _messages(path, lines) as messages:
+        with _warnings_counted(report), _messages(path, lines) as messages:
             for message in messages:
                 if channel is not None and str(message.channel) != channel:
                     continue
@@ -138,6 +139,27 @@ def read_log(path: Path, channel: str | None = None, report: LogReport | None = 
             raise InputError(str(path), f"cannot read the CAN log: {place}{why}", _allowed()) from error
         count = report.frames.total() + report.others.total()
         report.damage = f"damaged: {place}{why}; {count} frames read before"
+
+
+@contextmanager
+def _warnings_counted(report: LogReport) -> Iterator[None]:
+    """Count what python-can's readers drop, which it would print otherwise."""
+    logger, counter = logging.getLogger("can"), _Counter(logging.WARNING)
+    counter.counts = report.others
+    logger.addHandler(counter)
+    before, logger.propagate = logger.propagate, False
+    try:
+        yield
+    finally:
+        logger.propagate = before
+        logger.removeHandler(counter)
+
+
+class _Counter(logging.Handler):
+    counts: Counter[str]
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.counts["lines that are no frames"] += 1
 
 
 def _allowed() -> str:

@@ -63,6 +63,8 @@ def _parsed(text: str, kind: str, strict: bool) -> Database:
     database = cantools.database.load_string(text, database_format=kind, strict=strict)
     if not isinstance(database, Database):
         raise ValueError("describes no CAN bus")
+    if not all(thing.name for message in database.messages for thing in (message, *message.signals)):
+        raise ValueError("a message or a signal without a name")
     return database
 
 
