@@ -44,7 +44,8 @@ def licence(name: str) -> str | None:
         return None
     classes = [line.rpartition(" :: ")[2] for line in told.get_all("Classifier", []) if line.startswith("License ::")]
     text = (told.get("License") or "").strip()
-    word = text if len(text) <= _LONGEST and text.upper() != "UNKNOWN" else ""  # some put the whole text there
+    word = text.partition("\n")[0]  # some put the whole text there
+    word = word if len(word) <= _LONGEST and word.upper() != "UNKNOWN" else ""
     found = told.get("License-Expression") or ", ".join(name for name in classes if name != "OSI Approved") or word
     return " ".join((found or "not told in its metadata: see its files").replace("|", "/").split())
 

@@ -201,7 +201,8 @@ def _is_there(holder: Any, key: Any) -> bool:
 def toml_blow(random_: random.Random, data: Data) -> Data:
     """One entry of a TOML file changed; what is none any more stays as it is."""
     try:
-        return _toml(tree_blow(random_, tomllib.loads(data.decode()))).encode(errors="replace")
+        tree = tree_blow(random_, tomllib.loads(data.decode()))
+        return _toml(tree).encode(errors="replace") if isinstance(tree, dict) else data
     except (ValueError, RecursionError):
         return data
 
@@ -217,8 +218,8 @@ def json_blow(random_: random.Random, data: Data) -> Data:
     return b"\n".join(lines)
 
 
-def _toml(tables: Any) -> str:
-    return "".join(f"{json.dumps(str(key))} = {_toml_value(value)}\n" for key, value in dict(tables).items())
+def _toml(tables: dict[str, Any]) -> str:
+    return "".join(f"{json.dumps(key)} = {_toml_value(value)}\n" for key, value in tables.items())
 
 
 def _toml_value(value: Any) -> str:
