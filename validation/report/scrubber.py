@@ -24,7 +24,16 @@ def scrubber_data(scenario: Scenario, recording: Recording, judgement: Judgement
     if not recording.plans:
         return None
     times = recording.steps["time"]
-    shown = np.arange(0, len(recording.plans), math.ceil(len(recording.plans) / MOST_FRAMES))
+    shown = np.array(
+        [
+            k
+            for k in range(0, len(recording.plans), math.ceil(len(recording.plans) / MOST_FRAMES))
+            if _is_finite(recording.plans[k])
+        ],
+        dtype=np.intp,
+    )
+    if not len(shown):
+        return None
     start = judgement.time - LOOK_BACK if judgement.time is not None else 0.0
     data = {
         "road": _road(scenario, recording),
@@ -34,6 +43,13 @@ def scrubber_data(scenario: Scenario, recording: Recording, judgement: Judgement
         "frames": _frames(scenario, recording, shown),
     }
     return Markup(json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"))
+
+
+def _is_finite(plan: Any) -> bool:
+    """Whether a plan can be drawn: that of a car whose model overflows cannot."""
+    return all(
+        np.isfinite(values).all() for values in (plan.s, plan.l, plan.left, plan.right, plan.states_s, plan.states)
+    )
 
 
 def _flat(points: Array) -> list[float]:

@@ -147,6 +147,6 @@ def _entry(target: Any, part: str, key: str) -> Any:
 
 
 def _index(target: list[Any], part: str, key: str) -> int:
-    if not part.isdecimal() or int(part) >= len(target):
-        raise InputError(f"--set {key}", f"no entry {part!r} in a list of {len(target)}", "numbers from 0")
+    if not part.isdecimal() or len(part) > 9 or int(part) >= len(target):
+        raise InputError(f"--set {key}", f"no entry {part[:60]!r} in a list of {len(target)}", "numbers from 0")
     return int(part)
