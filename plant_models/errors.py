@@ -39,7 +39,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     """`, did you mean X?` for the closest known word, or nothing."""
     import difflib  # only for who mistyped
 
-    close = difflib.get_close_matches(word, list(known), n=1)
+    close = difflib.get_close_matches(str(word), list(known), n=1)  # a word that is a number, too
     return f", did you mean {close[0]}?" if close else ""
 
 
