@@ -53,8 +53,7 @@ class FmuInstance:
         with ExitStack() as resources:
             unpacked = unpack(self.path)
             resources.callback(discard, unpacked.folder)
-            about = unpacked.about
-            self.variables, self.is_fmi2 = about.variables, about.is_fmi2
+            self.variables, self.is_fmi2 = (about := unpacked.about).variables, about.is_fmi2
             self.fixed_step, self.interface = about.fixed_step, about.interface
             self._slave = load_binary(self.path, unpacked)
             resources.callback(self._slave.freeLibrary)
@@ -78,10 +77,10 @@ class FmuInstance:
         rows = [row for name in names if (row := find_element(self.variables, name))]
         try:
             return Port(self._slave.dll.library, names, rows, self.is_fmi2)
-        except AttributeError as error:  # a function of single precision, which few binaries have
-            raise InputError(str(self.path), f"its binary lacks what {', '.join(names)} takes: {error}") from error
-        except (ValueError, TypeError, OverflowError) as error:
-            raise InputError(str(self.path), f"a start value or reference in it is no number ({error})") from error
+        except (AttributeError, ValueError, TypeError, OverflowError) as error:
+            lacks = isinstance(error, AttributeError)  # a function of single precision, which few binaries have
+            what = f"its binary lacks what {', '.join(names)} takes" if lacks else "a start value in it is no number"
+            raise InputError(str(self.path), f"{what}: {error}") from error
 
     def check_known(self, names: Iterable[str]) -> None:
         """Whether these are names of its variables, of any type.
@@ -205,8 +204,7 @@ class FmuInstance:
         done, size = 0.0, duration
         while True:
             can_retry = not self.fixed_step and size > duration * SMALLEST_PART
-            reached = self._advance(time + done, size, can_retry)
-            if reached == 0.0 and not can_retry:
+            if (reached := self._advance(time + done, size, can_retry)) == 0.0 and not can_retry:
                 raise PlantError(f"{self.path.name}: the step from t = {time + done:.6g} s comes nowhere")
             done += reached
             if done >= duration * (1.0 - 1e-9):
