@@ -105,7 +105,7 @@ def _in_words(hint: Any, message: str) -> str:
     if hint is Name:
         return "1 to 100 letters, digits, _, . or -, but not . or .."
     if get_origin(hint) is Literal:
-        return ", ".join(get_args(hint))
+        return ", ".join(map(str, get_args(hint)))
     expected = re.sub(
         r"Expected `([^`]*)`", lambda kind: _WORDS.get(text := kind[1].removesuffix(" | null"), text), message
     )

@@ -128,6 +128,7 @@ def _built(values: dict[str, Any], folder: Path) -> LogMap:
 def _vehicle(table: dict[str, Any], folder: Path) -> tuple[VehicleParameters, tuple[str, ...]]:
     table = dict(table)
     preset, file = table.pop("preset", ""), table.pop("file", "")
+    checked(VehicleParameters, table, "vehicle", partial=True)
     missing = [name for name in NEEDED_OF_CAR if name not in table]
     if not preset and not file and missing:
         raise InputError("vehicle", f"missing {', '.join(missing)}", "mass, l_f and l_r, or preset or file")
