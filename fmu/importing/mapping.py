@@ -55,11 +55,6 @@ negative part, all in [m/s^2]; where none is commanded it follows from the targe
 plants. Braking fades in `acceleration` as the car comes to rest, since an FMU might drive backwards; `brake` stays."""
 
 
-NO_ACCELERATION, ACCELERATION_START = 1e3, 1e4
-"""From which value on a plant's input `acceleration` says that none is given, and what it is until it is set, [m/s^2]:
-a number, since importers differ in what they make of NaN, and so far off that no derivative is taken across."""
-
-
 @dataclass(frozen=True)
 class Signal:
     """One variable of an FMU; signal in SI = scale * variable + offset.
