@@ -1,19 +1,17 @@
 """Every format that is read from outside: small files to damage, what knows its structure, and its reader."""
 
-import io
 import json
 import random
 import struct
-import zipfile
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 
-import fmpy
 import msgspec
 import numpy as np
+from fmus import archives, description, read_description, read_fmu  # pyright: ignore[reportMissingImports]
 from mutation import Blow, json_blow, mutated, toml_blow, xml_blow  # pyright: ignore[reportMissingImports]
 
 from sidestep.controller.can_port.bus.faults import FaultSpec
@@ -23,10 +21,7 @@ from sidestep.controller.can_port.codec.foreign import load_database
 from sidestep.controller.can_port.codec.proposal import proposed
 from sidestep.controller.memory import empty, restored, saved
 from sidestep.controller.validity import Validity
-from sidestep.fmu.importing.archive import describe_fmu, unpack
 from sidestep.fmu.importing.mapping import Mapping as FmuMapping
-from sidestep.fmu.importing.proposal import describe, propose_mapping
-from sidestep.fmu.scratch import discard
 from sidestep.plant_models.mujoco.surface import HeightField
 from sidestep.plant_models.tyres.property_file import read_tyre_file
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
@@ -194,65 +189,6 @@ def _databases(ending: str) -> list[bytes]:
     return [{"kcd": database.as_kcd_string, "sym": database.as_sym_string}[ending]().encode()]
 
 
-def _description(fmi: int) -> bytes:
-    type_, start = ("Real", "ScalarVariable") if fmi == 2 else ("Float64", "")
-    rows = ""
-    names = ("SteerAngle", "input"), ("Pos.x", "output"), ("Psi", "output"), ("mass", "parameter")
-    for k, (name, kind) in enumerate(names):
-        first = "" if kind == "output" else 'start="1.5"'
-        common, unit = f'name="{name}" valueReference="{k}" causality="{kind}"', "rad" if k == 0 else "m"
-        shape = '<Dimension start="3"/>' if k == 3 else ""
-        kept = 'variability="fixed"' if kind == "parameter" else ""
-        if start:
-            rows += f'<ScalarVariable {common} {kept}><Real unit="{unit}" {first}/></ScalarVariable>'
-        else:
-            rows += f'<{type_} {common} {kept} unit="{unit}" {first}>{shape}</{type_}>'
-    version, token = ("2.0", "guid") if fmi == 2 else ("3.0", "instantiationToken")
-    step = 'stepSize="0.01"' if fmi == 2 else 'fixedInternalStepSize="0.01"'
-    experiment = f"<DefaultExperiment {step}/>" if fmi == 2 else '<DefaultExperiment stopTime="1"/>'
-    return (
-        f'<?xml version="1.0" encoding="UTF-8"?><fmiModelDescription fmiVersion="{version}" modelName="fuzzed" {token}='
-        f'"1"><CoSimulation modelIdentifier="car" {"" if fmi == 2 else step}/><UnitDefinitions><Unit name="m">'
-        f'<BaseUnit m="1" factor="1"/></Unit><Unit name="rad"><BaseUnit rad="1"/></Unit></UnitDefinitions>'
-        f"{experiment}<ModelVariables>{rows}</ModelVariables>"
-        "<ModelStructure/></fmiModelDescription>"
-    ).encode()
-
-
-def archive(files: Mapping[str, bytes], packing: int = zipfile.ZIP_DEFLATED) -> bytes:
-    """A zip of files."""
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", packing) as target:
-        for name, data in files.items():
-            target.writestr(zipfile.ZipInfo(name), data, packing)
-    return buffer.getvalue()
-
-
-def stub_fmu(description: bytes) -> dict[str, bytes]:
-    """Files of an FMU whose binaries hold nothing, for this machine in both standards."""
-    places = (f"binaries/{name}/car{fmpy.sharedLibraryExtension}" for name in (fmpy.platform, fmpy.platform_tuple))
-    return {"modelDescription.xml": description, **dict.fromkeys(places, b"\x7fELF, no more")}
-
-
-@cache
-def _archives() -> list[bytes]:
-    files = [stub_fmu(_description(fmi)) | {"resources/a.txt": b"text" * 50} for fmi in (2, 3)]
-    return [archive(files[0]), archive(files[1]), archive(files[0], zipfile.ZIP_STORED)]
-
-
-def _read_fmu(file: Path) -> None:
-    about = describe_fmu(file)
-    describe(about)
-    FmuMapping.from_text(propose_mapping(about, file).replace('"?"', '"a"'))
-    discard(unpack(file).folder)
-
-
-def _read_description(file: Path) -> None:
-    packed = file.with_suffix(".fmu")
-    packed.write_bytes(archive(stub_fmu(file.read_bytes())))
-    _read_fmu(packed)
-
-
 def _memory() -> list[bytes]:
     return [saved(empty(10.0))]
 
@@ -310,8 +246,8 @@ FORMATS: dict[str, Format] = {
         Format("dbc", _logs("bus.dbc"), ".dbc", _read_database),
         Format("kcd", partial(_databases, "kcd"), ".kcd", _read_database, (xml_blow,)),
         Format("sym", partial(_databases, "sym"), ".sym", _read_database),
-        Format("fmu", _archives, ".fmu", _read_fmu),
-        Format("model-description", lambda: [_description(2), _description(3)], ".xml", _read_description,
+        Format("fmu", archives, ".fmu", read_fmu),
+        Format("model-description", lambda: [description(2), description(3)], ".xml", read_description,
                (xml_blow,)),
         Format("memory", _memory, ".bin", lambda file: restored(file.read_bytes()), (_resealed,)),
     )
