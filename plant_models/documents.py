@@ -142,8 +142,9 @@ def _inside(value: dict[str, Any] | list[Any], key: str) -> Iterator[tuple[str, 
 
 
 def _digits(value: int) -> str:
-    """A number that may have more digits than Python prints."""
-    return str(value) if value.bit_length() < 4000 else f"{hex(value)[:20]}..."
+    """A number that may have more digits than a line, or than Python prints."""
+    text = str(value) if value.bit_length() < 4000 else hex(value)
+    return text if len(text) <= 40 else f"{text[:20]}..."
 
 
 def _problem(value: Any) -> str:

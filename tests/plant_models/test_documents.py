@@ -15,6 +15,7 @@ from sidestep.plant_models.fresh_file import beside
         ("a = " + "[" * 70 + "]" * 70, "nested more than 64 deep"),
         ("a = " + "9" * 5000, "no readable TOML file"),
         ("a = 0x" + "f" * 5000, "a: 0xffffffffffffffffff...: a whole number of more than 64 bits"),
+        ("a = -1" + "0" * 308, r"a: -1000000000000000000\.\.\.: a whole number of more than 64 bits"),
         ("[b]\na = [1, 9223372036854775808]", r"b\.a\[1\]: 9223372036854775808: a whole number of more than 64 bits"),
         ("[set]\nspeed = 1979-05-27", r"file: set\.speed: a date, 1979-05-27, where a number or text is needed"),
         ("a = 07:32:00", "a: a time, 07:32:00"),
