@@ -2,8 +2,7 @@
 
 from collections.abc import Iterator
 
-from sidestep.fmu.description.variables import MOTION, Model, Variable
-from sidestep.fmu.importing.mapping import ACCELERATION_START, NO_ACCELERATION
+from sidestep.fmu.description.variables import ACCELERATION_START, MOTION, NO_ACCELERATION, Model, Variable
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.speed_control import SPEED_GAIN
 from sidestep.plant_models.vehicle.parameters import AXLES, VehicleParameters

@@ -7,7 +7,6 @@ values in one flat array in that order, so that a value reference also is an arr
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from sidestep.fmu.importing.mapping import NO_ACCELERATION
 from sidestep.plant_models.vehicle.parameters import GRAVITY
 
 Kind = Literal["time", "input", "state", "hidden state", "derivative", "output", "sampled", "tunable", "fixed"]
@@ -34,6 +33,10 @@ MOTION = (
     ("yaw_rate", "rad/s", "Yaw rate, positive to the left"),
 )
 """Name, unit and description of what plants give and the controller takes, in VehicleState's order."""
+
+NO_ACCELERATION, ACCELERATION_START = 1e3, 1e4
+"""From which value on a plant's input `acceleration` says that none is given, and what it is until it is set, [m/s^2]:
+a number, since importers differ in what they make of NaN, and so far off that no derivative is taken across."""
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import Self
 
 from sidestep.fmu.description.plants import vehicle_values
+from sidestep.fmu.description.variables import ACCELERATION_START
 from sidestep.fmu.importing.estimation import Estimator, unwrapped
 from sidestep.fmu.importing.instance import FmuInstance
-from sidestep.fmu.importing.mapping import ACCELERATION_START, INPUTS, OUTPUTS, Mapping
+from sidestep.fmu.importing.mapping import INPUTS, OUTPUTS, Mapping
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.speed_control import asked_acceleration, drive_asked, limited_acceleration

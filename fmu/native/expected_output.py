@@ -3,9 +3,8 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from sidestep.fmu.description.variables import Model
+from sidestep.fmu.description.variables import ACCELERATION_START, Model
 from sidestep.fmu.importing.instance import FmuInstance
-from sidestep.fmu.importing.mapping import ACCELERATION_START
 
 STEP, STEPS = 0.02, 200
 """Communication step, in [s], and number of rows after the first."""
