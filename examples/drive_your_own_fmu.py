@@ -3,11 +3,10 @@
 Run it: python examples/drive_your_own_fmu.py [FILE.fmu [MAP.toml]]; without a file it builds one of ours.
 """
 
-import shutil
 import sys
 from pathlib import Path
 
-from sidestep.fmu.importing.archive import unpack
+from sidestep.fmu.importing.archive import describe_fmu
 from sidestep.fmu.importing.mapping import Mapping
 from sidestep.fmu.importing.plant import FmuPlant
 from sidestep.fmu.importing.proposal import describe, propose_mapping
@@ -18,10 +17,9 @@ from sidestep.validation.scenarios.scenario import load_scenario
 
 
 def main(file: Path, table: Path | None) -> None:
-    fmu = unpack(file)
+    fmu = describe_fmu(file)
     proposal = propose_mapping(fmu, file)
     print(describe(fmu).splitlines()[0])
-    shutil.rmtree(fmu.folder)
 
     mapping = Mapping.from_file(table) if table else Mapping.from_text(proposal)
     scene = load_scenario("single-obstacle")
