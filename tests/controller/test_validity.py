@@ -117,5 +117,5 @@ def limits(rows: object) -> str:
 )
 def test_a_file_that_is_none_is_refused(tmp_path, text, reason):
     (tmp_path / "bad.json").write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match=rf"controller\.validity: .*{reason}"):
+    with pytest.raises(InputError, match=rf"(controller\.validity|bad\.json): .*{reason}"):
         Validity.of(ControllerConfig(validity=str(tmp_path / "bad.json")))
