@@ -12,6 +12,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import llvmlite.binding as llvm
 
@@ -89,16 +90,17 @@ def main(out: Path) -> None:
     from sidestep.fmu.component.entries import ENTRIES
 
     texts: dict[str, str] = {}
-    finalise = codegen.CPUCodeLibrary._finalize_final_module
+    libraries: Any = codegen.CPUCodeLibrary
+    finalise = libraries._finalize_final_module
 
-    def keep(library: codegen.CPUCodeLibrary) -> None:
+    def keep(library: Any) -> None:
         texts[library.name] = str(library._final_module)
         finalise(library)
 
-    codegen.CPUCodeLibrary._finalize_final_module = keep
+    libraries._finalize_final_module = keep
     whole = None
     for name, (function, signature) in ENTRIES.items():
-        compiled = numba.cfunc(signature)(function)
+        compiled: Any = numba.cfunc(signature)(function)
         module = llvm.parse_assembly(_prepared(texts[compiled._library.name], compiled.native_name, PREFIX + name))
         if whole is None:
             whole = module

@@ -2,7 +2,7 @@
 
 import numba
 import numpy as np
-from numba import carray, types
+from numba import carray, types  # pyright: ignore[reportPrivateImportUsage]
 
 from sidestep.controller.records import MEMORY, SETTINGS, STATE, WORK
 from sidestep.controller.step import BOUNDED, finish, step

@@ -10,7 +10,7 @@ import numpy as np
 from sidestep.controller.config import ControllerConfig
 from sidestep.controller.memory import VERSION
 from sidestep.controller.records import COMMAND, MEMORY, OBSTACLES, PLAN, SETTINGS, STATE, WORK
-from sidestep.fmu.component.records import BOX_FIELDS, OBSTACLE, PARAMETERS, SETUP, abi
+from sidestep.fmu.component.records import BOX_FIELDS, OBSTACLE, PARAMETER_FIELDS, PARAMETERS, SETUP, abi
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.ranges import bounded_fields
 
@@ -31,13 +31,13 @@ def header() -> str:
 def private_header() -> str:
     """layout.h: the records behind it, and the numbers that Python and C share."""
     known = {dtype: f"sidestep_{name}" for name, dtype in PUBLIC.items()}
-    cruise = PARAMETERS.names.index("cruise_speed")
+    cruise = PARAMETER_FIELDS.index("cruise_speed")
     return (
         "/* Generated: do not edit. */\n#ifndef SIDESTEP_LAYOUT_H\n#define SIDESTEP_LAYOUT_H\n"
         f'#include "sidestep.h"\nenum {{ MEMORY_VERSION = {VERSION}, BOX_FIELDS = {len(BOX_FIELDS)}, '
         f"CRUISE_SPEED = {cruise} }};\n"
         f"static const double BOX_BOUNDS[][2] = {_bounds(Obstacle, BOX_FIELDS)};\n"
-        f"static const double PARAMETER_BOUNDS[][2] = {_bounds(ControllerConfig, PARAMETERS.names)};\n"
+        f"static const double PARAMETER_BOUNDS[][2] = {_bounds(ControllerConfig, PARAMETER_FIELDS)};\n"
         f"{_structs(_PRIVATE, known)}"
         f"{_sizes(PUBLIC | _PRIVATE)}#endif\n"
     )

@@ -32,7 +32,8 @@ TUNABLE = (
     "slip_share", "friction", "comfort_braking", "bend_acceleration", "standstill_gap",
 )  # fmt: skip
 """Fields of ControllerConfig that can change while it runs."""
-PARAMETERS = np.dtype([(name, F) for name in (*TUNABLE, "input_delay_steps")], align=True)
+PARAMETER_FIELDS = (*TUNABLE, "input_delay_steps")
+PARAMETERS = np.dtype([(name, F) for name in PARAMETER_FIELDS], align=True)
 """Settings by name; `cruise_speed` is NaN for that of the first state."""
 
 SETUP = np.dtype(
