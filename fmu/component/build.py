@@ -1,10 +1,11 @@
 """The component as shared and static library, from object code and C."""
 
+import hashlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from sidestep.fmu.component.emit import object_code
+from sidestep.fmu.component.emit import kernels_stamp, object_code
 from sidestep.fmu.component.layout import SOURCES, header, private_header
 from sidestep.fmu.native.cache import cache_folder
 from sidestep.fmu.native.platforms import HOST, Platform, archive_library, compile_library
@@ -18,6 +19,19 @@ _TRIPLES = {
 """As LLVM calls them, by the name that FMI 3.0 has for a platform."""
 
 
+def revision() -> str:
+    """Changes with everything that a component is compiled from."""
+    digest = hashlib.sha256(kernels_stamp().encode())
+    for data in _texts().values():
+        digest.update(data)
+    return digest.hexdigest()[:16]
+
+
+def _texts() -> dict[str, bytes]:
+    files = {name: (SOURCES / name).read_bytes() for name in ("arena.c", "arena.h", "controller.c")}
+    return files | {"sidestep.h": header().encode(), "layout.h": private_header().encode()}
+
+
 def component_files(platform: Platform = HOST) -> dict[str, bytes]:
     """Headers, C files and object code by name: what is compiled and linked for a platform.
 
@@ -25,9 +39,7 @@ def component_files(platform: Platform = HOST) -> dict[str, bytes]:
         InputError: The cache cannot be written.
         PlantError: The step does not compile.
     """
-    files = {name: (SOURCES / name).read_bytes() for name in ("arena.c", "arena.h", "controller.c")}
-    files |= {"sidestep.h": header().encode(), "layout.h": private_header().encode()}
-    return files | {"kernels.o": object_code(_TRIPLES[platform.fmi3])}
+    return _texts() | {"kernels.o": object_code(_TRIPLES[platform.fmi3])}
 
 
 def shared_library(platform: Platform = HOST) -> bytes:
@@ -39,8 +51,7 @@ def shared_library(platform: Platform = HOST) -> bytes:
     """
     with _written(platform) as folder:
         output = folder / "output" / f"libsidestep{platform.suffix}"
-        files = [folder / name for name in ("arena.c", "controller.c", "kernels.o")]
-        compile_library(folder, output, ("-DSIDESTEP_BUILD_SHARED",), platform, files)
+        compile_library(folder, output, ("-DSIDESTEP_BUILD_SHARED",), platform)
         return output.read_bytes()
 
 

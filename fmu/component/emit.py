@@ -38,9 +38,14 @@ def object_code(triple: str) -> bytes:
         InputError: The cache cannot be written.
         PlantError: numba does not compile them.
     """
-    key = source_stamp(_ENTRIES)[:16]
+    key = kernels_stamp()
     name = triple.replace("-", "_")
     return cached(f"kernels-{key}-{name}", ".o", lambda: _emit(_module(key), triple)).read_bytes()
+
+
+def kernels_stamp() -> str:
+    """Changes with every source that kernels come from, and with the compilers' versions."""
+    return source_stamp(_ENTRIES)[:16]
 
 
 def _module(key: str) -> str:

@@ -93,10 +93,12 @@ def compile_library(
 ) -> None:
     """Compile every C file of a folder, or those that are named, into one shared library, with further compiler flags.
 
+    Object code in the folder, or among the files, is linked in.
+
     Raises:
         CompilerError: No compiler, or it failed: the first lines of what it said.
     """
-    names = sorted(str(file) for file in files or sources.glob("*.c"))
+    names = sorted(str(file) for file in files or [*sources.glob("*.c"), *sources.glob("*.o")])
     _run([*compiler_call(platform), "-shared", *flags, f"-I{sources}", *names, "-o", str(output), "-lm"])
 
 

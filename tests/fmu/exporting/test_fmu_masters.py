@@ -22,7 +22,7 @@ from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.validation.scenarios.scenario import load_scenario
 
-SCENE = load_scenario("single-obstacle", ["controller.input_delay_steps=1"])
+SCENE = load_scenario("single-obstacle", ["controller.input_delay_steps=1", "controller.solver=active-set"])
 NAMES = [name for name, *_ in STATE]
 COMMANDS = ("steer_angle_command", "target_speed")
 STEPS, PERIOD = 80, SCENE.controller.period
