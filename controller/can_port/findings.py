@@ -193,7 +193,7 @@ class StateRecord:
         stale: Time with nothing to steer by between states, in [s].
         checks: Outcomes of the frame checks of all its messages.
         strangers: Frames that came from elsewhere under an identifier of this node.
-        late: By how much the latest of its own cycles was late, in [s].
+        late: By how much after it was due the latest of its own cycles had ended, in [s].
     """
 
     left: bool
@@ -210,7 +210,7 @@ def state_findings(record: StateRecord) -> tuple[Finding, ...]:
         (record.strangers > 0, "second sender", "inconclusive",
          f"{record.strangers} frames from elsewhere under identifiers of the controller"),
         (not record.left, "vehicle silent", "fail", "the vehicle fell silent and had not said that it leaves"),
-        (record.late > TOO_LATE, "controller late", "fail", f"a cycle came {record.late:.2f} s late"),
+        (record.late > TOO_LATE, "controller late", "fail", f"a cycle ended {record.late:.2f} s after it was due"),
         (record.stale > 0.0, "nothing to steer by", "fail", f"no usable state for {record.stale:.2f} s on the way"),
         (wrong > 0, "wrong sequence", "inconclusive", f"{wrong} frames out of sequence"),
         (corrupt > 0, "corrupt frames", "inconclusive", f"{corrupt} frames with a wrong CRC or length"),

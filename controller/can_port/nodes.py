@@ -144,7 +144,7 @@ class ControllerNode:
 
         Args:
             strangers: Frames from elsewhere under an identifier of this node.
-            late: By how much the latest of its cycles was late, in [s].
+            late: By how much after it was due the latest of its cycles had ended, in [s].
         """
         checks = sum((Counter(channel.receiver.counts) for channel in self.listener.channels.values()), Counter())
         return StateRecord(not self.listener.said_valid, self.gap_cycles * CYCLE, checks, strangers, late)

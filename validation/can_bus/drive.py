@@ -247,7 +247,7 @@ def run_controller(
         raise InputError("can", f"no vehicle answers within {PATIENCE:g} s", "sidestep can plant on the same bus")
     lost = sum(channel.receiver.lost for channel in node.listener.channels.values())
     bus_figures = link.statistics(node.heard or 0.0)
-    record = node.record(link.strangers, 1e-3 * bus_figures["lateness_ms"]["max"])
+    record = node.record(link.strangers, 1e-3 * bus_figures["latest_end_ms"])
     found = () if interrupted else for_the_judge(state_findings(record))
     worst = next((each for each in found if each.verdict is not Verdict.PASS), None)
     figures = {"lost": lost, "stale_cycles": node.stale_cycles, "processor_share": share, "interrupted": interrupted}

@@ -72,7 +72,8 @@ class Pacer:
     def statistics(self, until: float = inf) -> dict[str, Any]:
         """Figures of the finished cycles up to the deadline `until`, in [s].
 
-        Lateness is in [ms]; drift is by how much more than `cycle` the wake-ups are apart, as a share of it; busy is
+        Lateness is in [ms], of waking, and for the latest end of a cycle of its end: a node that stood still while it
+        was awake is woken in time for the next deadline that is left. Drift is by how much more than `cycle` the wake-ups are apart, as a share of it; busy is
         the share of the time between waking and waiting again, whoever had the processor.
         """
         cycles = np.array([row for row in self._cycles if row[0] <= until]).reshape(-1, 3)
@@ -83,4 +84,5 @@ class Pacer:
         return {
             "cycles": len(cycles), "skipped": self.skipped, "drift": float(drift), "busy": float(busy),
             "lateness_ms": {"p50": float(p50), "p99": float(p99), "max": float(most)},
+            "latest_end_ms": float(1e3 * np.max(lateness + awake)) if len(cycles) else nan,
         }  # fmt: skip

@@ -357,6 +357,7 @@ def test_figures_count_from_the_beginning_to_the_end():
         pacer.wait()
     figures = pacer.statistics()
     assert (figures["skipped"], figures["lateness_ms"]["max"]) == (1, pytest.approx(5.0, abs=5e-3))
+    assert figures["latest_end_ms"] == pytest.approx(25.0, abs=5e-3)  # it stood still while it was awake
     early = pacer.statistics(until=0.15)
     assert early["cycles"] < figures["cycles"]
     assert early["lateness_ms"]["max"] == pytest.approx(0.0, abs=5e-3)
