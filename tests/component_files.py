@@ -14,7 +14,7 @@ from sidestep.validation.scenarios.scenario import load_scenario
 
 OK, INPUT, TOO_MANY, ARENA, FOREIGN, RANGE = range(6)
 MEMORY_BYTES = 24 + MEMORY.itemsize
-_FUNCTIONS = {
+FUNCTIONS = {
     "abi": (c_uint32,), "create": (c_void_p, c_char_p, c_size_t, POINTER(c_char_p)), "free": (None, c_void_p),
     "reset": (None, c_void_p), "step": (c_int, c_void_p, c_void_p, c_void_p, c_size_t, c_void_p),
     "clearance": (c_double, c_void_p, c_void_p, c_void_p, c_size_t),
@@ -27,7 +27,7 @@ _FUNCTIONS = {
 
 def load(file):
     library = ctypes.CDLL(str(file))
-    for name, (result, *arguments) in _FUNCTIONS.items():
+    for name, (result, *arguments) in FUNCTIONS.items():
         function = getattr(library, f"sidestep_{name}")
         function.restype, function.argtypes = result, arguments
     return library
