@@ -25,15 +25,12 @@ from component_files import (
     setup_for,
 )
 
-from sidestep.controller.records import MEMORY, OBSTACLES, record
-from sidestep.controller.settings import settings_of
+from sidestep.controller.records import OBSTACLES
 from sidestep.fmu.component.build import component_files, static_library
-from sidestep.fmu.component.records import HEADER, SETUP, TUNABLE, abi, obstacle_rows, parameters_of, setup_of
-from sidestep.fmu.component.tuning import tune
+from sidestep.fmu.component.records import abi, obstacle_rows
 from sidestep.fmu.native.platforms import compile_library
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.plant_models.ranges import bounded_fields
 from sidestep.plant_models.signals import Status
 
 
@@ -184,25 +181,6 @@ def test_tuning_while_it_runs_is_restoring_into_a_controller_of_other_settings(d
             tuned.step(state)
             assert component.step(state) == (OK, command_of(tuned))
         assert component.tune(friction=0.0) == component.tune(friction=math.nan) == RANGE
-
-
-def test_every_parameter_makes_the_settings_that_python_makes(driven):
-    scene, _, _ = driven
-    limits = {field.name: field.range for field in bounded_fields(type(scene.controller))}
-    base = setup_of(scene.vehicle, scene.path, scene.controller)
-    for name in (*TUNABLE, "input_delay_steps"):
-        old = getattr(scene.controller, name)
-        value = 12.0 if old is None else min(0.7 * old + 0.11, limits[name].high)
-        config = replace(scene.controller, **{name: 3 if name == "input_delay_steps" else value})
-        settings, memory = settings_of(scene.vehicle, scene.controller), record(MEMORY)
-        wanted = settings_of(scene.vehicle, config)
-        assert settings.tobytes() != wanted.tobytes()
-        tune(memory, settings, _setup_record(base), parameters_of(config))
-        assert settings.tobytes() == wanted.tobytes(), name
-
-
-def _setup_record(data):
-    return np.frombuffer(data, SETUP, 1, HEADER.itemsize).copy()
 
 
 def test_a_setup_that_is_not_this_versions_is_refused(driven, library):
