@@ -20,7 +20,7 @@ LANE = 3.6
 
 
 def scene(seed: int, plant: str) -> Scenario:
-    """Traffic that stands, from 25 m ahead of the car on, in lanes about as full as a motorway's in a jam that thins."""
+    """Traffic that stands, from 25 m ahead of the car on, in lanes about as full as a motorway's in a thin jam."""
     rng = np.random.default_rng(seed)
     lanes = int(rng.integers(2, 6))
     own = int(rng.integers(lanes))
@@ -34,10 +34,16 @@ def scene(seed: int, plant: str) -> Scenario:
             boxes += ["[[obstacles]]", f"s = {s:.2f}", f"l = {offset:.3f}", f"length = {length:.3f}",
                       f"width = {width:.3f}", f"heading = {rng.normal(0.0, 0.03):.3f}"]  # fmt: skip
             s += length + rng.exponential(14.0) + 4.0
-    lines = [f'name = "standing-{seed}"', f"speed = {rng.uniform(8.0, 16.0):.2f}", "duration = 25.0",
-             f"start = {{ s = 10.0, l = {rng.normal(0.0, 0.2):.3f} }}", f"road.width_left = {left:.2f}",
-             f"road.width_right = {-right:.2f}", 'road.segments = [{ type = "line", length = 180.0 }]', *boxes]  # fmt: skip
-    return parse_scenario("\n".join(lines), f"scene {seed}", [f"plant.kind={plant}"])
+    head = f"""
+        name = "standing-{seed}"
+        speed = {rng.uniform(8.0, 16.0):.2f}
+        duration = 25.0
+        start = {{ s = 10.0, l = {rng.normal(0.0, 0.2):.3f} }}
+        road.width_left = {left:.2f}
+        road.width_right = {-right:.2f}
+        road.segments = [{{ type = "line", length = 180.0 }}]
+    """
+    return parse_scenario("\n".join([head, *boxes]), f"scene {seed}", [f"plant.kind={plant}"])
 
 
 def outcome(scenario: Scenario) -> tuple[str, str]:
@@ -50,7 +56,7 @@ def outcome(scenario: Scenario) -> tuple[str, str]:
     return word, f"{recording['time'][-1]:5.1f} s, nearest {least:.2f} m {figures}"
 
 
-def main(count: int = 24, seed: int = 1, plant: str = "single-track") -> None:
+def main(count: int, seed: int, plant: str) -> None:
     words: Counter[str] = Counter()
     while words.total() < count:
         scenario = scene(seed, plant)
@@ -64,4 +70,5 @@ def main(count: int = 24, seed: int = 1, plant: str = "single-track") -> None:
 
 
 if __name__ == "__main__":
-    main(*(kind(text) for kind, text in zip((int, int, str), sys.argv[1:], strict=False)))
+    count, seed, plant = [*sys.argv[1:], *("24", "1", "single-track")[len(sys.argv) - 1 :]]
+    main(int(count), int(seed), plant)

@@ -21,6 +21,7 @@ class ControllerConfig:
         width_left, width_right: Road edges left and right of the reference, in [m].
         reference_offset: l_ref of Eq. (10), in [m].
         buffer: Clearance l_buffer of Eq. (13) to obstacles and road edges, in [m].
+        least_clearance: Where no way keeps the buffer, one with this clearance is driven slowly, in [m].
         tightening: Clearance asked on top of the buffer half a second ahead and later, in [m]; what
             model error and sampling take of it on the way does not end as slack.
         margin_time: Extra distance that the planner keeps from obstacles on top, in [m] per [m/s].
@@ -61,6 +62,7 @@ class ControllerConfig:
     width_right: Annotated[float, Range(0.01, 1e3, "m")] = 4.0
     reference_offset: Annotated[float, Range(-1e3, 1e3, "m")] = 0.0
     buffer: Annotated[float, Range(0.0, 100.0, "m")] = 0.2
+    least_clearance: Annotated[float, Range(0.0, 100.0, "m")] = 0.1
     tightening: Annotated[float, Range(0.0, 100.0, "m")] = 0.03
     margin_time: Annotated[float, Range(0.0, 10.0, "s")] = 0.01
     safe_distance: Annotated[float, Range(0.001, 100.0, "m")] = 1.0

@@ -64,6 +64,7 @@ MEMORY = np.dtype(
         ("sent", F, (DELAYS,)), ("on_the_way", N),  # the angle in force, then those on their way
         ("station", F),  # NaN before the first step
         ("cruise", F), ("ids", N, (OBSTACLES,)), ("sides", N, (OBSTACLES,)), ("obstacles", N), ("held_up", B),
+        ("narrow", B),  # whether the last step followed a narrow way
         ("before_time", F), ("before", F, (STATES,)),  # time and state of the last step; NaN before it
         ("disturbance", DISTURBANCE), ("roll", F, (2,)),
         ("plans", PLAN, (2,)), ("last", N), ("good", N),  # indices into plans, -1 if there is none
@@ -94,7 +95,8 @@ PLANNER = np.dtype(
     [(name, F) for name in (
         "front", "rear", "reach", "half_width", "buffer", "tightening", "margin_time", "safe_distance", "reference",
         "right_edge", "left_edge", "weight_reference", "weight_continuity", "weight_obstacle", "hysteresis",
-        "max_lateral_speed", "max_slope", "acceleration", "braking", "comfort_braking",
+        "max_lateral_speed", "max_slope", "acceleration", "braking", "comfort_braking", "least_clearance",
+        "most_curvature", "turning",
     )],
     align=True,
 )  # fmt: skip

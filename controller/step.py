@@ -22,6 +22,8 @@ from sidestep.plant_models.kernels import Array, Record, Records, kernel
 TRUSTED_SLIP = 0.05
 """Excess over the slip bound, in [rad], from which on a prediction is nothing to take tangents at: they would only
 lead deeper into it."""
+CALMING_TIME = 0.2
+"""In which sideslip, yaw rate and steering angle are taken to fall to 1 / e where no plan is trusted, in [s]."""
 ANSWERED, SOLVED, BOUNDED = range(3)
 """What the first half leaves: an answer, the optimum, or a QP to be solved."""
 
@@ -44,14 +46,19 @@ def usable(m: Record, state: Record) -> bool:
 
 @kernel
 def look_back(m: Record, w: Record, c: Record, state: Record) -> None:
-    """What the last good plan predicted; the present state for ever, if there is none to be trusted."""
+    """What the last good plan predicted; if there is none to be trusted, a car whose present motion calms down.
+
+    What it turns and slips now would, at the speed of a later node, lie beyond the tyres' peak.
+    """
     n = c.grid.nodes
     good = m.plans[max(m.good, 0)]
     trusted = m.good >= 0 and good.slack_slip < TRUSTED_SLIP
     w.age = state.time - good.time if trusted else 0.0
     for k in range(n + 1):
+        share = math.exp(-c.grid.times[max(k - 1, 0)] / CALMING_TIME) if k > 0 else 1.0
         for i in range(STATES):
-            w.before[k, i] = good.states[k, i] if trusted else w.x0[i]
+            calming = share if 2 <= i <= 4 else 1.0
+            w.before[k, i] = good.states[k, i] if trusted else calming * w.x0[i]
         for i in range(2):
             w.before_roll[k, i] = good.roll[k, i] if trusted else 0.0
 

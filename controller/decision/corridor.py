@@ -106,6 +106,18 @@ class Motion(NamedTuple):
     curvature: Array
 
 
+class Outline(NamedTuple):
+    """What the car's outline takes.
+
+    Attributes:
+        levers: Front end (positive) and rear end (negative) from the centre of gravity, shape (2,), in [m].
+        clearance: To stay free to each side at every node, half width and buffer, shape (N,), in [m].
+    """
+
+    levers: Array
+    clearance: Array
+
+
 @kernel
 def corridor_bounds(
     way: Way, view: View, sides: NDArray[np.int64], edges: tuple[float, float], buffer: float
@@ -146,7 +158,7 @@ def corridor_bounds(
 
 @kernel
 def footprint_bounds(
-    motion: Motion, view: View, sides: NDArray[np.int64], edges: tuple[float, float], buffer: float, grid: Record
+    motion: Motion, view: View, sides: NDArray[np.int64], edges: tuple[float, float], buffer: float, outline: Outline
 ) -> Array:
     """Bounds on l + lever e_phi of the car's centre line at two ends of its footprint, Eq. (13).
 
@@ -156,13 +168,12 @@ def footprint_bounds(
     Args:
         motion: Of the car.
         view, sides, edges, buffer: See `corridor_bounds`.
-        grid: Record of `GRID`: `levers`, front end (positive) and rear end (negative) from the centre of gravity, in
-            [m], and `clearance`, half width plus buffer, shape (N,), in [m].
+        outline: What is to stay free.
 
     Returns:
         right and left at the front, right and left at the rear, shape (4, N), in [m].
     """
-    n, levers, clearance = motion.stations.shape[0], grid.levers, grid.clearance
+    n, levers, clearance = motion.stations.shape[0], outline.levers, outline.clearance
     bounds, bend = np.empty((4, n)), motion.turn - motion.curvature
     for end in range(2):
         lever = levers[end]

@@ -75,13 +75,19 @@ def node_costs(nodes: Lattice, speed: float, view: View, p: Record) -> tuple[Arr
 
 
 @kernel
+def change_of_side(m: int, view: View, speed: float, p: Record) -> float:
+    """What it costs a layer to pass obstacle m on the other side than decided; `speed` is the car's, in [m/s]."""
+    near = view.polygons[m, :, 0].min() - p.front < COMMITMENT_TIME * (speed - view.speeds[m])
+    return p.hysteresis * (COMMITMENT if near else 1.0)
+
+
+@kernel
 def _add_obstacle(cost, m, nodes, speed, view, p):
     """Cost (12) of obstacle m, and the price of running into it or past it on the other side."""
     stations, polygon, pace = nodes.stations, view.polygons[m], view.speeds[m]
     begin, end = polygon[:, 0].min(), polygon[:, 0].max()
     low_all, high_all = polygon[:, 1].min(), polygon[:, 1].max()
-    near = begin - p.front < COMMITMENT_TIME * (speed - pace)
-    change = p.hysteresis * (COMMITMENT if near else 1.0)
+    change = change_of_side(m, view, speed, p)
     soft = p.half_width + p.buffer + p.tightening + p.margin_time * speed
     for i in range(stations.shape[0]):
         half_layer = 0.5 * (stations[min(i + 1, stations.shape[0] - 1)] - stations[max(i - 1, 0)]) * 0.5

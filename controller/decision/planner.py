@@ -10,15 +10,23 @@ from sidestep.controller.config import ControllerConfig
 from sidestep.controller.decision.corridor import Way, corridor_bounds, lateral_interval
 from sidestep.controller.decision.costs import Lattice, node_costs
 from sidestep.controller.decision.lattice import LATERAL_STEP, arrival_times, layer_spacing, shortest_path
+from sidestep.controller.decision.moves import CREEP
+from sidestep.controller.decision.narrow import NarrowWay, allowed_speeds
 from sidestep.controller.decision.stopping import GRIP_SHARE
 from sidestep.controller.decision.view import View
 from sidestep.controller.records import LAYERS
-from sidestep.plant_models.kernels import Record, kernel
+from sidestep.plant_models.kernels import Array, Record, kernel
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 
 FREE, GAP_TOO_NARROW = -1, -2
 PLANNER_REACH = 0.3
 """Stretch of road that the planner checks to both sides of a station, in lengths of the car."""
+
+CURVATURE_SHARE, RATE_SHARE = 0.8, 0.7
+"""Of the curvature at the steering's stop and of the wheels' rate, that a narrow way may ask for."""
+
+WIDE = 1e3
+"""Room that is no bound, in [m]."""
 
 
 class PlannerSettings(NamedTuple):
@@ -48,6 +56,9 @@ class PlannerSettings(NamedTuple):
     acceleration: float
     braking: float
     comfort_braking: float
+    least_clearance: float
+    most_curvature: float
+    turning: float
 
     @classmethod
     def of(cls, vehicle: VehicleParameters, c: ControllerConfig) -> "PlannerSettings":
@@ -61,6 +72,9 @@ class PlannerSettings(NamedTuple):
             weight_obstacle=c.weight_obstacle, hysteresis=c.side_hysteresis,
             max_lateral_speed=c.max_lateral_speed, max_slope=c.max_slope, acceleration=vehicle.max_acceleration,
             braking=min(vehicle.max_braking, GRIP_SHARE * c.friction * GRAVITY), comfort_braking=c.comfort_braking,
+            least_clearance=min(c.least_clearance, c.buffer),
+            most_curvature=CURVATURE_SHARE * math.tan(vehicle.steer_limit) / vehicle.wheelbase,
+            turning=RATE_SHARE * vehicle.steer_rate_limit / vehicle.wheelbase,
         )  # fmt: skip
 
 
@@ -77,6 +91,7 @@ class PlannedPath(NamedTuple):
         blocker: Index of the obstacle in the way that slows the car down most, or FREE or GAP_TOO_NARROW.
         room: Distance that the car can go before what is in the way, in [m].
         settled: Station from which on the car is back on the reference, relative to it, in [m].
+        speeds, gaps: What the way itself allows [m/s] and leaves to both sides [m] at each station, shape (S,).
     """
 
     stations: NDArray[np.float64]
@@ -88,6 +103,8 @@ class PlannedPath(NamedTuple):
     blocker: int
     room: float
     settled: float
+    speeds: NDArray[np.float64]
+    gaps: NDArray[np.float64]
 
 
 class Start(NamedTuple):
@@ -151,11 +168,8 @@ def plan_path(start: Start, view: View, p: Record) -> PlannedPath:
     path_stations[1:], path_times[1:], path[0], path[1:] = stations, times, start.offset, offsets[chosen]
     sides, blocker, blocked_from = _passing_sides(path_stations, path_times, path, view, p)
     path[max(blocked_from, 1) :] = path[max(blocked_from, 1) - 1]  # stay where it is free until then
-    straight = np.zeros(LAYERS + 1)
-    way = Way(path_stations, path_times, np.full(LAYERS + 1, p.reach), straight, straight)
-    right, left = corridor_bounds(way, view, sides, (p.right_edge, p.left_edge), 0.0)
-    hard = p.half_width + p.buffer
-    right, left = right + hard, left - hard
+    right, left = corridor_along(path_stations, path_times, p.reach, view, sides, p)
+    free = np.full(LAYERS + 1, np.inf)
     room = float(path_stations[max(min(blocked_from, LAYERS) - 1, 0)])
     if blocker < 0:
         squeezed = right > left + 1e-6
@@ -164,7 +178,48 @@ def plan_path(start: Start, view: View, p: Record) -> PlannedPath:
             if narrow or (squeezed[i] and not squeezed[: i + 1].all()):
                 blocker, room = GAP_TOO_NARROW, float(path_stations[i - 1])
                 break
-    return PlannedPath(path_stations, path, right, left, sides, least, blocker, room, settled)
+    return PlannedPath(
+        path_stations, path, right, left, sides, least, blocker, room, settled, free, np.full(LAYERS + 1, WIDE)
+    )
+
+
+@kernel
+def corridor_along(
+    stations: Array, times: Array, reach: float, view: View, sides: NDArray[np.int64], p: Record
+) -> tuple[Array, Array]:
+    """Corridor (13) for the car's centre around a path.
+
+    Args:
+        stations, times: Of the path, shape (S,), in [m] and [s].
+        reach: Stretch of road that counts to both sides of a station, in [m].
+        view, sides: See `corridor_bounds`.
+        p: PlannerSettings.
+
+    Returns:
+        right and left, shape (S,), in [m].
+    """
+    straight, hard = np.zeros(stations.shape[0]), p.half_width + p.buffer
+    way = Way(stations, times, np.full(stations.shape[0], reach), straight, straight)
+    right, left = corridor_bounds(way, view, sides, (p.right_edge, p.left_edge), 0.0)
+    return right + hard, left - hard
+
+
+@kernel
+def around(way: NarrowWay, view: View, acceleration: float, p: Record) -> PlannedPath:
+    """A narrow way as the path to follow.
+
+    Args:
+        way: Found.
+        view: Obstacles relative to the car.
+        acceleration: Lateral, that its bends may take, in [m/s^2].
+        p: PlannerSettings.
+    """
+    times = way.stations / CREEP
+    sides, _, _ = _passing_sides(way.stations, times, way.offsets, view, p)
+    stations, offsets = way.stations[: LAYERS + 1], way.offsets[: LAYERS + 1]
+    right, left = corridor_along(stations, times[: LAYERS + 1], 0.0, view, sides, p)
+    speeds = allowed_speeds(way, acceleration, p)[: LAYERS + 1]
+    return PlannedPath(stations, offsets, right, left, sides, 0.0, FREE, math.inf, 0.0, speeds, way.gaps[: LAYERS + 1])
 
 
 @kernel

@@ -1,8 +1,9 @@
-"""How fast the car may be where: a speed profile along the road, by the bends ahead and by what blocks the way."""
+"""How fast the car may be where: a speed profile, by the bends ahead, the room on the way and what blocks it."""
 
 import math
 
-from sidestep.controller.records import PROFILE
+from sidestep.controller.decision.planner import PlannedPath
+from sidestep.controller.records import LAYERS, PROFILE
 from sidestep.plant_models.kernels import Array, Record, kernel
 from sidestep.plant_models.road.clothoid import curvature_at
 
@@ -15,29 +16,33 @@ STRAIGHT = 1e-6
 
 
 @kernel
-def profile(w: Record, c: Record, road: tuple[Array, float], speed: float, cruise: float) -> bool:
+def profile(w: Record, c: Record, road: tuple[Array, float], speed: float, cruise: float, path: PlannedPath) -> bool:
     """Fill the speeds `profile_speed` at stations `profile_step` apart from the car on.
 
-    Caps by bends, v^2 kappa <= a, and by what blocks the road are made drivable by a pass backwards with the braking
-    that they need, comfortable if that suffices and as hard as the road allows if not, and by a pass forwards with the
-    car's own acceleration.
+    Caps by bends, v^2 kappa <= a, by the way's own bends and room, and by what blocks the road are made drivable by a
+    pass backwards with the braking that they need, comfortable if that suffices and as hard as the road allows if
+    not, and by a pass forwards with the car's own acceleration.
 
     Args:
         w: Work space; `gap`, `gap_speed` and `blocked` say what blocks the road.
         c: Settings.
         road: Table and period of the ReferencePath.
         speed, cruise: Present speed, and the one to go back to, in [m/s].
+        path: What the way itself allows.
 
     Returns:
-        Whether a bend asks for less than the cruising speed.
+        Whether a bend or the way asks for less than the cruising speed.
     """
     v, p, caps = max(speed, 0.0), c.planner, w.profile_speed
     w.profile_step = step = (LEAST_VIEW + VIEW_TIME * v + 0.5 * v * v / c.comfort_braking) / (PROFILE - 1)
-    bends = False
+    bends, j = False, 0
     for i in range(PROFILE):
+        while j < LAYERS and path.stations[j + 1] < i * step:
+            j += 1
         bend = max(abs(curvature_at(road[0], road[1], w.station + (i - 0.5) * step)),
                    abs(curvature_at(road[0], road[1], w.station + i * step)), STRAIGHT)  # fmt: skip
-        caps[i] = min(cruise, math.sqrt(c.bend_acceleration / bend))
+        way = min(path.speeds[j], path.speeds[min(j + 1, LAYERS)])
+        caps[i] = min(cruise, way, math.sqrt(c.bend_acceleration / bend))
         bends = bends or caps[i] < cruise
         if w.blocked and i * step >= w.gap - c.standstill_gap:
             caps[i] = min(caps[i], max(w.gap_speed, 0.0))

@@ -78,6 +78,15 @@ def coming(view: View, settings: Record) -> NDArray[np.bool_]:
 
 
 @kernel
+def moves(view: View, settings: Record) -> bool:
+    """Whether anything moves that is not behind, or comes from there."""
+    for m in range(view.speeds.shape[0]):
+        if view.speeds[m] != 0.0 and view.polygons[m, :, 0].max() > -settings.rear:
+            return True
+    return bool(coming(view, settings).any())
+
+
+@kernel
 def sides_of(near: NDArray[np.int64], m: Record) -> NDArray[np.int64]:
     """Passing sides kept of the obstacles in view."""
     sides = np.zeros(near.shape[0], np.int64)

@@ -12,6 +12,7 @@ from sidestep.controller.mpc.discretise import WIDTH
 from sidestep.controller.mpc.roll import advance_roll, lateral_acceleration, roll_effects
 from sidestep.controller.records import STATES
 from sidestep.plant_models.kernels import Array, Record, kernel
+from sidestep.plant_models.vehicle.parameters import GRAVITY
 
 RATE, TURN, FRONT, REAR = 6, 7, 8, 9
 """Columns of the inputs."""
@@ -21,6 +22,8 @@ SIMULATION_STEP = 5e-3
 """Step of the nonlinear forward simulation, in [s]."""
 LEAST_RADIUS = 0.2
 """Least distance from the centre of the road's bend, as a share of its radius, that progress is counted with."""
+SETTLING_TIME = 0.1
+"""How long slip angles may be larger than any steady motion keeps, in [s]."""
 MOST_STEPS = 10_000
 """Bound on the steps of one command."""
 
@@ -116,9 +119,23 @@ def linearise(w: Record, c: Record) -> None:
         i, part = _place(grid, grid.force_times[g] + w.age)
         motion = _between(w.before, i, part, 2), _between(w.before, i, part, 3), _between(w.before, i, part, 4)
         rolled = _between(w.before_roll, i, part, 0), _between(w.before_roll, i, part, 1)
-        touch(motion, rolled, w.group_speed[g], least, c.car, w.forces[g])
+        most = _sustained(w.group_speed[g], grid.force_times[g], c.car)
+        touch(motion, rolled, w.group_speed[g], least, c.car, w.forces[g], most)
         w.forces[g, 1] += w.disturbance[0]
         w.forces[g, 3] += w.disturbance[1]
+
+
+@kernel
+def _sustained(speed, time, car):
+    """Slip angles that the tightest circle at a speed takes, front and rear, with a factor 2; infinite at first.
+
+    No motion keeps more. Where the car brakes, a prediction made for a higher speed would have the tangents taken
+    beyond the tyres' peak, and without their stiffness nothing brings it back.
+    """
+    if time < SETTLING_TIME:
+        return math.inf, math.inf
+    share = speed * speed * math.tan(car.steer_limit) / ((car.l_f + car.l_r) * GRAVITY)
+    return 2.0 * share * car.load_f / car.stiffness_f, 2.0 * share * car.load_r / car.stiffness_r
 
 
 @kernel
@@ -135,6 +152,7 @@ def touch(
     least: tuple[float, float],
     car: Record,
     line: Array,
+    most: tuple[float, float] = (math.inf, math.inf),
 ) -> None:
     """Axle forces as lines that touch them at a motion of the car.
 
@@ -145,11 +163,13 @@ def touch(
         least: See `least_slopes`.
         car: Car.
         line: Filled, shape (5,): see `linearise`.
+        most: Largest slip angles, front and rear, at which tangents are taken, in [rad].
     """
     roll_slip, moved_f, moved_r = roll_effects(rolled[0], rolled[1], car.body)
     v = max(speed, SLOWEST)
     roll_slip /= v
     front, rear = slip_angles(motion[0] + roll_slip, motion[1], motion[2], v, car)
+    front, rear = min(max(front, -most[0]), most[0]), min(max(rear, -most[1]), most[1])
     slope_f, force_f = tangent(front, least[0], car.stiffness_f, car.load_f, car, moved_f)
     slope_r, force_r = tangent(rear, least[1], car.stiffness_r, car.load_r, car, moved_r)
     line[0], line[1] = slope_f, force_f - slope_f * roll_slip

@@ -73,8 +73,9 @@ class Pacer:
         """Figures of the finished cycles up to the deadline `until`, in [s].
 
         Lateness is in [ms], of waking, and for the latest end of a cycle of its end: a node that stood still while it
-        was awake is woken in time for the next deadline that is left. Drift is by how much more than `cycle` the wake-ups are apart, as a share of it; busy is
-        the share of the time between waking and waiting again, whoever had the processor.
+        was awake is woken in time for the next deadline that is left. Drift is by how much more than `cycle` the
+        wake-ups are apart, as a share of it; busy is the share of the time between waking and waiting again, whoever
+        had the processor.
         """
         cycles = np.array([row for row in self._cycles if row[0] <= until]).reshape(-1, 3)
         deadlines, lateness, awake = cycles.T

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from sidestep.controller.decision.corridor import (
     Motion,
+    Outline,
     Way,
     corridor_bounds,
     excess_over,
@@ -98,9 +99,9 @@ def test_footprint_bounds_hold_the_whole_side_of_a_turning_car():
     turn = 1.0 / radius
     still = np.zeros(1)
     motion = Motion(still, still, still, still, np.array([turn]), still)
-    grid = filled(GRID, {"levers": (front, -rear), "clearance": [half]})[0]
+    car = Outline(np.array([front, -rear]), np.array([half]))
     outline = polygon_of((0.0, 3.0, 60.0, 2.0, 0.0, 0.0))[None]
-    bounds = footprint_bounds(motion, seen(outline), np.array([-1]), (-9.0, 9.0), 0.0, grid)
+    bounds = footprint_bounds(motion, seen(outline), np.array([-1]), (-9.0, 9.0), 0.0, car)
     chord = (front + rear) ** 2 / 8.0 / radius
     assert bounds[1, 0] == pytest.approx(2.0 - half - chord)
     assert bounds[0, 0] == pytest.approx(-9.0 + half)
@@ -109,9 +110,9 @@ def test_footprint_bounds_hold_the_whole_side_of_a_turning_car():
 def test_contradicting_bounds_close_to_one_line():
     outlines = np.stack([polygon_of((0.0, 1.0, 9.0, 1.0, 0.0, 0.0)), polygon_of((0.0, -1.0, 9.0, 1.0, 0.0, 0.0))])
     still = np.zeros(1)
-    grid = filled(GRID, {"levers": (2.0, -2.0), "clearance": [0.9]})[0]
+    car = Outline(np.array([2.0, -2.0]), np.array([0.9]))
     motion = Motion(still, still, still, still, still, still)
-    bounds = footprint_bounds(motion, seen(outlines), np.array([-1, 1]), (-4.0, 4.0), 0.0, grid)
+    bounds = footprint_bounds(motion, seen(outlines), np.array([-1, 1]), (-4.0, 4.0), 0.0, car)
     assert bounds[:, 0] == pytest.approx(np.zeros(4), abs=1e-12)
 
 

