@@ -26,10 +26,11 @@ OBSTACLE = np.dtype([(name, F) for name in (*BOX_FIELDS, "time")], align=True)
 """As Obstacle; s is where it was at `time`."""
 
 TUNABLE = (
-    "cruise_speed", "reference_offset", "buffer", "tightening", "margin_time", "safe_distance", "weight_reference",
-    "weight_continuity", "weight_obstacle", "side_hysteresis", "max_lateral_speed", "max_slope", "weight_offset",
-    "weight_lateral_speed", "weight_acceleration", "weight_jerk", "weight_rate", "corridor_penalty", "slip_penalty",
-    "slip_share", "friction", "comfort_braking", "bend_acceleration", "standstill_gap",
+    "cruise_speed", "reference_offset", "buffer", "least_clearance", "tightening", "margin_time", "safe_distance",
+    "weight_reference", "weight_continuity", "weight_obstacle", "side_hysteresis", "max_lateral_speed", "max_slope",
+    "weight_offset", "weight_lateral_speed", "weight_acceleration", "weight_jerk", "weight_rate",
+    "corridor_penalty", "slip_penalty", "slip_share", "friction", "comfort_braking", "bend_acceleration",
+    "standstill_gap",
 )  # fmt: skip
 """Fields of ControllerConfig that can change while it runs."""
 PARAMETER_FIELDS = (*TUNABLE, "input_delay_steps")

@@ -34,6 +34,7 @@ def tune(memory: Records, settings: Records, setups: Records, given: Records) ->
 def _planner(c: Record, g: Record, max_braking: float) -> None:
     p = c.planner
     p.buffer, p.tightening, p.margin_time, p.safe_distance = g.buffer, g.tightening, g.margin_time, g.safe_distance
+    p.least_clearance = min(g.least_clearance, g.buffer)
     p.reference, p.hysteresis = g.reference_offset, g.side_hysteresis
     p.weight_reference, p.weight_continuity = g.weight_reference, g.weight_continuity
     p.weight_obstacle, p.max_lateral_speed, p.max_slope = g.weight_obstacle, g.max_lateral_speed, g.max_slope

@@ -72,6 +72,7 @@ _TEXTS: tuple[tuple[str, tuple[str, str]], ...] = (
     ("cruise_speed", ("m/s", "Speed to hold on a free road")),
     ("reference_offset", ("m", "Offset from the reference path that is preferred")),
     ("buffer", ("m", "Clearance to obstacles and road edges")),
+    ("least_clearance", ("m", "Clearance that a slow way past what stands close may go down to")),
     ("tightening", ("m", "Clearance asked on top of the buffer half a second ahead and later")),
     ("margin_time", ("s", "Extra distance that the planner keeps per speed")),
     ("safe_distance", ("m", "Distance from which on an obstacle costs")),
