@@ -5,7 +5,7 @@
 #include "arena.h"
 #include "layout.h"
 
-enum { ARENA_SIZE = 700 * 1024, LINE = 64, COLUMNS = 6 }; /* columns of the road's table */
+enum { ARENA_SIZE = 4096 * 1024, LINE = 64, COLUMNS = 6 }; /* columns of the road's table */
 
 /* Compiled from Python, see entries.py. */
 int64_t sidestep_kernel_step(sidestep_memory *, sidestep_settings *, double *table, int64_t rows, double period,

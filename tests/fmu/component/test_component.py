@@ -72,7 +72,7 @@ def test_ten_thousand_steps_take_nothing_from_the_heap(driven, tmp_path):
     done = subprocess.run([program, tmp_path / "setup", tmp_path / "states"], capture_output=True, text=True)
     noticed, here, in_a_new_thread, peak = map(int, done.stdout.split())
     assert (noticed, here, in_a_new_thread) == (1, 0, 0)
-    assert 0 < peak < 700 * 1024
+    assert 0 < peak < 4096 * 1024
 
 
 def test_memories_go_both_ways_between_it_and_the_controller(driven, library):
@@ -138,7 +138,7 @@ def test_the_arena_has_room_for_as_many_obstacles_as_there_may_be(driven, librar
     with Component(library, setup_for(scene), crowd) as component:
         for state, _ in rows[:100]:
             assert component.step(state)[0] == OK
-        assert component.call("arena_peak") < 700 * 1024
+        assert component.call("arena_peak") < 4096 * 1024
 
 
 def test_an_arena_that_is_too_small_is_a_fallback_not_a_crash(driven, tmp_path):
@@ -146,7 +146,7 @@ def test_an_arena_that_is_too_small_is_a_fallback_not_a_crash(driven, tmp_path):
     for name, data in component_files().items():
         (tmp_path / name).write_bytes(data)
     text = (tmp_path / "controller.c").read_text()
-    (tmp_path / "controller.c").write_text(text.replace("ARENA_SIZE = 700 * 1024", "ARENA_SIZE = 64 * 1024"))
+    (tmp_path / "controller.c").write_text(text.replace("ARENA_SIZE = 4096 * 1024", "ARENA_SIZE = 64 * 1024"))
     files = [tmp_path / name for name in ("arena.c", "controller.c", "kernels.o")]
     compile_library(tmp_path, tmp_path / "small.so", files=files)
     with Component(load(tmp_path / "small.so"), setup_for(scene), scene.obstacles) as component:
@@ -205,7 +205,7 @@ def test_the_literal_paper_has_no_component():
 def test_many_instances_at_once_in_many_threads(driven, library):
     scene, rows, _ = driven
     instances = [Component(library, setup_for(scene), scene.obstacles) for _ in range(1000)]
-    assert all(one.call("instance_size") <= 1024 * 1024 for one in instances)
+    assert all(one.call("instance_size") <= 5 * 1024 * 1024 for one in instances)
 
     def steps(one):
         return [one.step(state)[1] for state, _ in rows[:5]]
