@@ -4,6 +4,7 @@ The figures are kept beside this file as demo.json and bench.json; a test holds 
 """
 
 import json
+import math
 import re
 import subprocess
 import sys
@@ -65,7 +66,7 @@ def demo_table() -> str:
     if not (demo := stored("demo")):
         return "Not measured yet."
     head = (
-        "Scene, plant", "Verdict", "Clearance [m]", "Max a_y [m/s²]", "Max steering rate [rad/s]",
+        "Scene, plant", "Verdict", "Clearance [m]", "Max a_y [m/s²]", "Max steering rate [deg/s]",
         "RMS error, last second [cm]", "Infeasible steps",
     )  # fmt: skip
     runs = table(head, *(_demo_row(run) for run in demo["runs"]))
@@ -79,7 +80,7 @@ def _demo_row(run: dict[str, Any]) -> tuple[str, ...]:
         f"{run['verdict']}: {run['label']}",
         f"{run['min_clearance_m']:.3f}",
         f"{run['max_lateral_acceleration']:.2f}",
-        f"{run['max_steer_rate']:.3f}",
+        f"{math.degrees(run['max_steer_rate']):.1f}",
         f"{100 * run['final_rms_lateral_error_m']:.2f}",
         str(run["infeasible_steps"]),
     )

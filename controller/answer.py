@@ -2,22 +2,18 @@
 
 import math
 
-from sidestep.controller.decision.corridor import excess_over
-from sidestep.controller.decision.stopping import approach_speed, spare_braking, squeezed_speed
 from sidestep.controller.mpc.prediction import SLOWEST, sampled
 from sidestep.controller.mpc.roll import roll_ahead
 from sidestep.controller.mpc.unconstrained import line_value
 from sidestep.controller.records import SLACKS, STATES
+from sidestep.controller.speed import STANDSTILL, choose_speed
 from sidestep.plant_models.kernels import Record, kernel
 from sidestep.plant_models.signals import Status
-from sidestep.plant_models.speed_control import SPEED_GAIN
 
 FEASIBLE_SLACK = 1e-3
 """Corridor slack up to which a step counts as feasible, in [m]."""
 SHIFTED_PLAN_TIME = 0.2
 """How long the last good plan is followed when the QP fails, in [s]; longer than that is a FAULT."""
-STANDSTILL = 0.1
-"""Speed below which the wheels are not turned, in [m/s]."""
 TRACKING, DEGRADED, BLOCKED, FAULT = (int(status) for status in Status)
 
 
@@ -59,7 +55,7 @@ def answer(m: Record, w: Record, c: Record, state: Record, solved: bool) -> None
         solved: Whether the solver found an optimum.
     """
     plan, n, v = m.plans[1 - max(m.good, 0)], c.grid.nodes, state.v_x
-    target, distance = _speed(m, w, c, v)
+    target, acceleration, distance = choose_speed(m, w, c, v)
     if v < STANDSTILL:
         for k in range(1, n + 1):
             w.states[k, 5] = w.x0[5]
@@ -78,33 +74,13 @@ def answer(m: Record, w: Record, c: Record, state: Record, solved: bool) -> None
     plan.solver_status, plan.iterations = w.solver_status, w.iterations
     plan.primal_residual, plan.dual_residual = w.primal_residual, w.dual_residual
     plan.slack_corridor, plan.slack_slip, plan.feasible = w.slack_corridor, w.slack_slip, feasible
-    plan.stop_distance, plan.target_speed = distance, target
+    plan.stop_distance, plan.target_speed, plan.acceleration = distance, target, acceleration
     m.last = 1 - max(m.good, 0)
     if solved and math.isfinite(total):
         m.good = m.last
         _command(m, c)
     else:
         fall_back(m, c, state.time, w.solver_status, True)
-
-
-@kernel
-def _speed(m, w, c, v):
-    """Speed to hold, and free distance before what blocks the road."""
-    grid, target, distance = c.grid, min(m.cruise, w.bend_speed), math.inf
-    horizon = grid.times[grid.nodes - 1]
-    if w.blocked:
-        distance = w.gap - c.standstill_gap
-        target = min(target, approach_speed(distance, w.gap_speed, c.comfort_braking))
-    if w.slack_corridor > c.tightening:
-        worst, first = excess_over(w, grid)
-        room = v * min(first, horizon) - c.front
-        target = min(target, squeezed_speed(worst - c.tightening, room, w.blocked, c))
-    if m.commanded:  # slowing that comes and goes from step to step would only waste grip
-        target = min(target, max(m.command.target_speed, v) + c.comfort_braking * c.period)
-    swerve = 0.0
-    for k in range(grid.swerve):
-        swerve = max(swerve, abs(w.states[k, 3]))
-    return max(target, v - spare_braking(v * swerve, c.car.friction) / SPEED_GAIN), max(distance, 0.0)
 
 
 @kernel
@@ -130,6 +106,8 @@ def fall_back(m: Record, c: Record, now: float, solver_status: int, failed: bool
         plan.status = DEGRADED
         if not plan.target_speed < good.target_speed:
             plan.target_speed = good.target_speed
+        if not plan.acceleration < good.acceleration:
+            plan.acceleration = good.acceleration
     else:
         held = m.command.steer_angle if m.commanded else 0.0
         for k in range(n + 1):
@@ -137,7 +115,7 @@ def fall_back(m: Record, c: Record, now: float, solver_status: int, failed: bool
                 if i >= 4:
                     plan.states[k, i] = held + m.disturbance.actuator + m.disturbance.sensor
         slower = (m.command.target_speed if m.commanded else 0.0) - c.comfort_braking * c.period
-        plan.status, plan.target_speed = FAULT, max(slower, 0.0)
+        plan.status, plan.target_speed, plan.acceleration = FAULT, max(slower, 0.0), -c.comfort_braking
     plan.time, plan.solver_status, plan.feasible = now, solver_status, False
     _make_finite(plan, n)
     m.last = 1 - max(m.good, 0)
@@ -170,7 +148,8 @@ def _command(m, c):
         angle = min(max(angle, m.command.steer_angle - most), m.command.steer_angle + most)
     angle = min(max(angle, -limit), limit)
     m.command.time, m.command.steer_angle = plan.time, angle
-    m.command.target_speed, m.command.status, m.commanded = plan.target_speed, plan.status, True
+    m.command.acceleration, m.command.target_speed = plan.acceleration, plan.target_speed
+    m.command.status, m.commanded = plan.status, True
     if m.on_the_way > 0:
         for i in range(1, m.on_the_way):
             m.sent[i - 1] = m.sent[i]

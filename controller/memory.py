@@ -10,7 +10,7 @@ from sidestep.controller.records import MEMORY, record
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import Status
 
-VERSION = 1
+VERSION = 2
 """Of the record; rises with every change of `MEMORY`."""
 _HEADER = struct.Struct("<8sIIQ")  # name, version, checksum, size
 _NAME = b"sidestep"
@@ -20,7 +20,7 @@ def empty(cruise: float) -> NDArray[np.void]:
     """The memory before the first step; `cruise` is the speed to go back to, NaN for that of the first state."""
     memory = record(MEMORY)
     memory["heard"], memory["station"], memory["before_time"] = -np.inf, np.nan, np.nan
-    memory["command"]["status"] = Status.FAULT
+    memory["command"]["status"], memory["command"]["acceleration"] = Status.FAULT, np.nan
     memory["cruise"], memory["last"], memory["good"] = cruise, -1, -1
     return memory
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sidestep.controller.mpc.status import NAMES
+from sidestep.plant_models.notebook import facts_table
 from sidestep.plant_models.signals import Status
 
 Array = NDArray[np.float64]
@@ -34,6 +35,7 @@ class Plan(NamedTuple):
         solve_us, step_us: Time for the solver and for the whole step, in [us].
         stop_distance: Free distance before what blocks the road, in [m]; infinite if nothing does.
         target_speed: As sent with the command, in [m/s].
+        acceleration: As sent with the command, in [m/s^2].
         sides: Passing side of each obstacle, +1 on its left, -1 on its right, 0 in the way, waited for, or out of view.
     """
 
@@ -58,7 +60,21 @@ class Plan(NamedTuple):
     step_us: float
     stop_distance: float = math.inf
     target_speed: float = 0.0
+    acceleration: float = 0.0
     sides: tuple[int, ...] = ()
+
+    def __repr__(self) -> str:
+        way = f"{self.s[0]:.1f} to {self.s[-1]:.1f} m" if len(self.s) else "no way"
+        return f"Plan({self.time:.2f} s, {self.status.name}, {way}, {self.solver_status})"
+
+    def _repr_html_(self) -> str:
+        facts = [
+            ("status", self.status.name), ("solver", f"{self.solver_status}, {self.iterations} iterations"),
+            ("way", f"{len(self.s)} stations"), ("prediction", f"{len(self.states)} states"),
+            ("feasible", self.feasible), ("corridor slack", f"{1e3 * self.slack_corridor:.3f} mm"),
+            ("step", f"{self.step_us:.0f} µs"),
+        ]  # fmt: skip
+        return facts_table(f"Plan at {self.time:.2f} s", facts)
 
     @classmethod
     def of(cls, plan: np.void, settings: np.void, obstacles: int, solve_us: float, step_us: float) -> "Plan":
@@ -83,5 +99,6 @@ class Plan(NamedTuple):
             primal_residual=float(plan["primal_residual"]), dual_residual=float(plan["dual_residual"]),
             slack_corridor=float(plan["slack_corridor"]), slack_slip=float(plan["slack_slip"]),
             feasible=bool(plan["feasible"]), solve_us=solve_us, step_us=step_us,
-            stop_distance=float(plan["stop_distance"]), target_speed=float(plan["target_speed"]), sides=tuple(sides),
+            stop_distance=float(plan["stop_distance"]), target_speed=float(plan["target_speed"]),
+            acceleration=float(plan["acceleration"]), sides=tuple(sides),
         )  # fmt: skip

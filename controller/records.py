@@ -35,7 +35,9 @@ F, N, B = np.float64, np.int64, np.bool_
 STATE = np.dtype([(name, F) for name in ("time", "x", "y", "yaw", "v_x", "v_y", "yaw_rate", "steer_angle")], align=True)
 """As VehicleState."""
 
-COMMAND = np.dtype([("time", F), ("steer_angle", F), ("target_speed", F), ("status", N)], align=True)
+COMMAND = np.dtype(
+    [("time", F), ("steer_angle", F), ("acceleration", F), ("target_speed", F), ("status", N)], align=True
+)
 """As SteeringCommand."""
 
 PLAN = np.dtype(
@@ -44,7 +46,8 @@ PLAN = np.dtype(
         ("right", F, (LAYERS + 1,)), ("states", F, (NODES + 1, STATES)), ("roll", F, (NODES + 1, 2)),
         ("states_s", F, (NODES + 1,)), ("layers", N), ("solver_status", N), ("iterations", N), ("primal_residual", F),
         ("dual_residual", F), ("slack_corridor", F), ("slack_slip", F), ("feasible", B), ("stop_distance", F),
-        ("target_speed", F), ("ids", N, (OBSTACLES,)), ("sides", N, (OBSTACLES,)), ("obstacles", N),
+        ("acceleration", F), ("target_speed", F), ("ids", N, (OBSTACLES,)), ("sides", N, (OBSTACLES,)),
+        ("obstacles", N),
     ],
     align=True,
 )  # fmt: skip

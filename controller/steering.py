@@ -134,8 +134,8 @@ class SteeringController:
     @property
     def command(self) -> SteeringCommand:
         """The last command; a FAULT at standstill before the first step."""
-        at, angle, target, status = self._memory["command"][0].item()
-        return SteeringCommand(at, angle, target, _STATUS[status])
+        at, angle, acceleration, target, status = self._memory["command"][0].item()
+        return SteeringCommand(at, angle, target, _STATUS[status], acceleration=acceleration)
 
     def _last_moves(self) -> NDArray[np.float64]:
         return self._memory["moves"][0, : int(self.settings["grid"]["moves"][0])]

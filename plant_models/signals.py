@@ -5,7 +5,7 @@ The reference point is the ground projection of the total centre of gravity, rot
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 
@@ -54,11 +54,16 @@ class SteeringCommand:
     Attributes:
         time: Time of the state that it answers, in [s].
         steer_angle: Road-wheel angle, in [rad].
-        target_speed: Speed to hold, in [m/s]; falls below the present speed when the road is blocked.
+        target_speed: Speed to hold, in [m/s]; falls below the present speed when the road is blocked. For plants that
+            know nothing else, and where no acceleration is given.
         status: How far the command can be trusted.
+        acceleration: Wanted now, in [m/s^2], of the speed along the road; negative is braking, which never drives the
+            car backwards and holds it at standstill. NaN if it is not given: then the target speed counts. By name
+            only: whoever gives time, angle, speed and status by place goes on saying the same.
     """
 
     time: float
     steer_angle: float
     target_speed: float
     status: Status = Status.TRACKING
+    acceleration: float = field(default=math.nan, kw_only=True)

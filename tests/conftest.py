@@ -3,8 +3,8 @@
 import os
 
 import pytest
-from fmu_files import foreign_fmu
-from frames import multicast_spec  # noqa: F401 (a fixture for all)
+from support.can_port.frames import multicast_spec  # noqa: F401 (a fixture for all)
+from support.fmus.fmu_files import foreign_fmu
 
 
 @pytest.fixture(autouse=True, scope="session")

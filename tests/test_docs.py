@@ -53,6 +53,29 @@ def test_links_between_files_lead_somewhere(page):
     assert [link for link in links if not (page.parent / link).exists()] == []
 
 
-def test_page_of_numbers_is_that_of_the_code():
-    tool = runpy.run_path(str(ROOT / "tools" / "keys.py"))
-    assert (ROOT / "docs" / "keys.md").read_text(encoding="utf-8") == tool["page"]()
+def test_pages_made_from_the_code_are_up_to_date(capsys, monkeypatch):
+    tool = runpy.run_path(str(ROOT / "tools" / "pages.py"))
+    monkeypatch.setattr("sys.argv", ["pages.py", "--check"])
+    assert tool["main"]() == 0, capsys.readouterr().out
+
+
+def test_a_page_that_is_old_is_named(capsys, monkeypatch):
+    tool = runpy.run_path(str(ROOT / "tools" / "pages.py"))
+    monkeypatch.setattr("sys.argv", ["pages.py", "--check"])
+    monkeypatch.setitem(tool["PAGES"], "scenarios.md", lambda: "# Another page\n")
+    assert tool["main"]() == 1
+    assert capsys.readouterr().out == "docs/scenarios.md is not what python tools/pages.py writes\n"
+
+
+def test_every_test_that_a_page_names_is_there():
+    written = "\n".join(file.read_text(encoding="utf-8") for file in (ROOT / "tests").rglob("test_*.py"))
+    for page in PAGES:
+        for name in re.findall(r"`(test_\w+)`", page.read_text(encoding="utf-8")):
+            assert f"def {name}(" in written, f"{page.name}: {name}"
+
+
+def test_every_file_that_a_page_names_is_there():
+    """Programs of this repository, from its root: those that a command runs and those that a sentence names."""
+    for page in PAGES:
+        for name in re.findall(r"\b(?:benchmarks|tools|tests|examples)/[\w/]+\.(?:py|toml)\b", page.read_text("utf-8")):
+            assert (ROOT / name).exists(), f"{page.name}: {name}"

@@ -19,9 +19,6 @@ VALIDATION = (
 )  # fmt: skip
 """The same of its rooms."""
 
-KNOWN = {"fmu": {("importing", "native")}}
-"""Arrows that run back: `FmuPlant.native` builds the FMU that it opens."""
-
 ALL = {"numpy", "scipy", "numba", "llvmlite", "piqp"}
 """What the controller may load beside the standard library (llvmlite is numba's)."""
 
@@ -70,10 +67,22 @@ def test_rooms_of_validation_import_one_way():
 
 @pytest.mark.parametrize("layer", LAYERS)
 def test_rooms_import_in_no_circle(layer):
-    left = room_imports(layer) - KNOWN.get(layer, set())
+    left = room_imports(layer)
     while ends := {other for _, other in left} - {room for room, _ in left}:  # rooms that need none of those left
         left = {(room, other) for room, other in left if other not in ends}
     assert left == set()
+
+
+@pytest.mark.parametrize("layer", LAYERS)
+def test_gravity_has_one_place(layer):
+    files = [file for file in (ROOT / layer).rglob("*.py") if "9.81" in file.read_text(encoding="utf-8")]
+    assert files == ([ROOT / "plant_models" / "vehicle" / "checks.py"] if layer == "plant_models" else [])
+
+
+@pytest.mark.parametrize("layer", ["controller", "fmu"])
+def test_what_is_kept_or_sent_is_no_pickle(layer):
+    files = [file for file in (ROOT / layer).rglob("*.py") if imported_modules(file) & {"pickle", "marshal", "shelve"}]
+    assert files == []
 
 
 @pytest.mark.parametrize("layer", LAYERS)

@@ -22,7 +22,7 @@ def test_the_two_lines_come_first():
     assert lines[2] == INSTALL + "'.[test]' && .venv/bin/pytest -q"
 
 
-def test_python_block_drives_around_the_obstacle():
+def test_python_block_drives_around_the_obstacle(capsys):
     (block,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
     states = []
     names: dict[str, object] = {}
@@ -31,6 +31,8 @@ def test_python_block_drives_around_the_obstacle():
         names | {"seen": states.append},
     )
     assert len(states) == 1200
+    printed = capsys.readouterr().out
+    assert "".join(f"    {line}\n" for line in printed.splitlines()) in README
     beside = [abs(state.y) for state in states if 37.0 < state.x < 43.0]
     assert min(beside) > 0.9 + 0.8  # half of obstacle and car
     assert abs(states[-1].y) < 1e-3

@@ -64,7 +64,7 @@ def checks(files: Sequence[str] | None) -> list[tuple[str, list[str]]]:
         ]
     if python is None or typed:
         found.append(("pyright", [*PYTHON, "pyright", "--pythonpath", sys.executable, *typed]))
-    found.append(("page of numbers", [sys.executable, "tools/keys.py", "--check"]))
+    found.append(("pages made from the code", [sys.executable, "tools/pages.py", "--check"]))
     found.append(("bounds of the code", [sys.executable, "tools/count.py"]))
     if files and (tests := tests_of(files)):
         found.append(("tests of what changed", [*PYTHON, "pytest", "-q", "-x", "-m", SLOW, *tests]))

@@ -204,8 +204,9 @@ def try_room(bench: Bench, name: str, room: dict, count: int, seed: int, until: 
     total = len(mutants)
     random.Random(seed).shuffle(mutants)
     began = time.monotonic()
-    if bench.runs(room["tests"]) != SURVIVED:
-        print(f"{name}: its tests fail without any mutant, see:\n{(bench.tree / 'mutant.log').read_text()[-3000:]}")
+    if (result := bench.runs(room["tests"])) != SURVIVED:
+        what = f"do not end within {bench.limit:g} s" if result == LATE else "fail"
+        print(f"{name}: its tests {what} without any mutant, see:\n{(bench.tree / 'mutant.log').read_text()[-3000:]}")
         return False
     print(f"## {name}: {total} mutants, seed {seed}, tests take {time.monotonic() - began:.0f} s\n", flush=True)
     print("| result | place | change |\n|---|---|---|")

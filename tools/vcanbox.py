@@ -49,29 +49,7 @@ OUTPUTS = ("out", "err")  # files that the command's output goes through
 TIMED_OUT, NO_CAN = 124, 125
 FINIT_MODULE = 313  # system call number on x86-64
 POWER_OFF = 0x4321FEDC  # reboot(2)
-
-# User-mode Linux 6.1 sets 2696 bytes of extended processor state; where AMX makes that state larger the host's kernel
-# takes all of it or nothing (EFAULT, and the guest's first process dies). Zeros behind the 2696: AMX not in use.
-XSTATE_SHIM = r"""
-#define _GNU_SOURCE
-#include <dlfcn.h>
-#include <string.h>
-#include <sys/uio.h>
-enum { SETREGSET = 0x4205, NT_X86_XSTATE = 0x202 };
-long ptrace(int request, int pid, void *address, void *data)
-{
-    static long (*next)(int, int, void *, void *);
-    static char state[1 << 16] __attribute__((aligned(64)));
-    struct iovec whole = { state, sizeof state }, *given = data;
-    if (!next)
-        next = (long (*)(int, int, void *, void *))dlsym(RTLD_NEXT, "ptrace");
-    if (request == SETREGSET && address == (void *)NT_X86_XSTATE && given->iov_len <= sizeof state) {
-        memcpy(state, given->iov_base, given->iov_len);
-        data = &whole;
-    }
-    return next(request, pid, address, data);
-}
-"""
+XSTATE_SHIM = Path(__file__).with_name("xstate_shim.c")
 
 
 class NoCanError(Exception):
@@ -176,9 +154,9 @@ def xstate_shim(root: Path) -> Path | None:
     shim = root / "xstate_shim.so"
     if not shim.exists():
         with tempfile.TemporaryDirectory(dir=root) as folder:
-            Path(folder, "shim.c").write_text(XSTATE_SHIM)
+            compiler = os.environ.get("CC", "cc")
             try:
-                run_quietly([os.environ.get("CC", "cc"), "-shared", "-fPIC", "-O1", "-o", "shim.so", "shim.c"], folder)
+                run_quietly([compiler, "-shared", "-fPIC", "-O1", "-o", "shim.so", str(XSTATE_SHIM)], folder)
             except (OSError, subprocess.CalledProcessError) as error:
                 raise NoCanError(
                     f"this kernel has no CAN, and booting one here needs a C compiler ({error})"

@@ -1,5 +1,6 @@
 """What the commands show: progress, and the table of runs that the demo's report has, too."""
 
+import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -24,7 +25,7 @@ from rich.text import Text
 from sidestep.validation.interrupt import interrupts_between_steps
 
 HEADS = (
-    "clearance\n[m]", "max |a_y|\n[m/s²]", "max steer\nrate [rad/s]", "lateral error\nRMS [m]", "infeasible\nsteps",
+    "clearance\n[m]", "max |a_y|\n[m/s²]", "max steer\nrate [deg/s]", "lateral error\nRMS [m]", "infeasible\nsteps",
     "step [µs]\nmedian / p99", "CAN\nframes",
 )  # fmt: skip
 """Columns after plant and verdict."""
@@ -51,7 +52,7 @@ def cells(summary: dict[str, Any]) -> list[str]:
     return [
         number(summary["min_clearance_m"], "", 3),
         number(summary["max_lateral_acceleration"], "", 2),
-        number(summary["max_steer_rate"], "", 3),
+        number(math.degrees(summary["max_steer_rate"]), "", 1),
         number(summary["rms_lateral_error_m"], "", 3),
         str(summary["infeasible_steps"]),
         f"{number(times['median'], '', 0)} / {number(times['p99'], '', 0)}",
@@ -59,41 +60,72 @@ def cells(summary: dict[str, Any]) -> list[str]:
     ]
 
 
-def print_runs(summaries: Sequence[dict[str, Any]]) -> None:
-    """Print a table for every scenario, and the reason of every verdict that has more to it than its label."""
+def new_table(title: str, first: str, *numbers: str) -> Table:
+    """An empty table in the look of all tables; title and heads are words, not markup."""
+    table = Table(
+        title=escape(title), title_justify="left", title_style="bold", header_style="", box=SIMPLE_HEAD, pad_edge=False
+    )
+    table.add_column(escape(first), no_wrap=True)
+    for head in numbers:
+        table.add_column(escape(head), justify="right")
+    return table
+
+
+def show(*parts: Table | str) -> None:
+    """Print tables and lines; a terminal too narrow for a table gets a list: a figure a line."""
     console = Console()
     if not console.is_terminal:
         console = Console(width=130)
+    unbounded = console.options.update(max_width=10_000)
+    for part in parts:
+        if isinstance(part, Table) and console.measure(part, options=unbounded).maximum > console.width:
+            _print_list(console, part)
+        else:
+            console.print(part)
+
+
+def _print_list(console: Console, table: Table) -> None:
+    """The rows of a table one below the other: its first cell, then head and value of every other one."""
+    console.print()
+    if table.title:
+        console.print(table.title, style="bold")
+    heads = [str(column.header).replace("\n", " ").strip() for column in table.columns]
+    for first, *cells in zip(*(column.cells for column in table.columns), strict=True):
+        console.print(first, style="underline")
+        for head, cell in zip(heads[1:], cells, strict=True):
+            if str(cell).strip():
+                console.print(f"  {head}: {cell}" if head else f"  {cell}")
+
+
+def print_runs(summaries: Sequence[dict[str, Any]]) -> None:
+    """Print a table for every scenario, and the reason of every verdict that has more to it than its label."""
     for scenario in dict.fromkeys(s["scenario"] for s in summaries):
-        console.print(_table(scenario, [s for s in summaries if s["scenario"] == scenario]))
+        show(_table(scenario, [s for s in summaries if s["scenario"] == scenario]))
     for s in summaries:
         for words in (s["error"], s["detail"], *(f"{f['label']}: {f['text']}" for f in s.get("findings", ()))):
             if words:
-                console.print(f"{s['scenario']} on {s['plant']}: {words}", markup=False)
+                show(escape(f"{s['scenario']} on {s['plant']}: {words}"))
 
 
 def row_name(summary: dict[str, Any]) -> str:
-    """The plant, and the preset unless it is the default."""
-    return summary["plant"] + (f" ({summary['preset']})" if summary["preset"] != "default" else "")
+    """The plant, and the preset unless it is the default; for somebody else's controller its name."""
+    own = summary.get("controller", "sidestep").rpartition(":")[2]
+    of = own if own != "sidestep" else summary["preset"]
+    return summary["plant"] + (f" ({of})" if of != "default" else "")
 
 
 def _table(title: str, summaries: Sequence[dict[str, Any]]) -> Table:
-    table = Table(
-        title=title, title_justify="left", title_style="bold", header_style="", box=SIMPLE_HEAD, pad_edge=False
-    )
-    table.add_column("plant", no_wrap=True)
-    table.add_column("verdict", no_wrap=True)
-    for head in HEADS:
-        table.add_column(escape(head), justify="right")
+    table = new_table(title, "plant", "verdict", *HEADS)
+    table.columns[1].justify, table.columns[1].no_wrap = "left", True
     for s in summaries:
-        table.add_row(row_name(s), f"{coloured(s['verdict'], s['verdict'])}: {s['label']}", *cells(s))
+        table.add_row(escape(row_name(s)), coloured(s["verdict"], f"{s['verdict']}: {s['label']}"), *cells(s))
     return table
 
 
 def coloured(verdict: str, text: str) -> str:
     """Text in the colour of a verdict, for tables."""
     colours = {"pass": "green", "fail": "red", "inconclusive": "yellow"}
-    return f"[{colours[verdict]}]{text}[/]"
+    return f"[{colours[verdict]}]{escape(text)}[/]"
 
 
 class _Rate(ProgressColumn):

@@ -10,11 +10,14 @@
 A command is accepted if its channel lets it through (see `channel`) and it is plausible: mode, enable and angle
 agree, the angle is not farther from the last one than the rate limit allows, and the state that it answers, if it
 says which, was sent lately and goes on from the last one.
+
+The acceleration comes with a message of its own, which goes through a channel likewise. While no steering command is
+followed, or no acceleration was accepted for as long as a command is held, it is not given: the speed counts.
 """
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from math import inf, isfinite, isnan
+from math import inf, isfinite, isnan, nan
 
 from sidestep.controller.can_port.bus.channel import Channel
 from sidestep.controller.can_port.codec.database import CYCLE, BusMessage
@@ -26,6 +29,7 @@ from sidestep.controller.can_port.codec.messages import (
     ActuatorState,
     SteerFrame,
     SteerStatus,
+    decode_drive_command,
     decode_steer_command,
 )
 from sidestep.controller.can_port.codec.samples import sample_number
@@ -71,6 +75,7 @@ class Actuator:
         config: Limits.
         message: The message that steers.
         interface: What lies before it and blocks what passes its limits; None for nothing.
+        drive: The message that carries the acceleration; None for none.
 
     Attributes:
         state: Present state.
@@ -85,11 +90,14 @@ class Actuator:
         config: ActuatorConfig | None = None,
         message: BusMessage = STEER_CMD,
         interface: Interface | None = None,
+        drive: BusMessage | None = None,
     ):
         self.config = config or ActuatorConfig()
         self.state = ActuatorState.INIT
         self.report: SteerStatus | None = None
         self.channel = Channel(message)
+        self._drive = Channel(drive) if drive else None
+        self._acceleration, self._accelerated = nan, -inf  # as accepted last, and when
         self.implausible = self.blocked = 0
         self._interface = interface
         self._slowness = max(1.0, message.cycle / CYCLE)
@@ -97,15 +105,22 @@ class Actuator:
         self._target = self._speed = 0.0
         self._last: VehicleState | None = None
 
-    def step(self, frames: Iterable[bytes | bytearray], vehicle: VehicleState) -> SteeringCommand:
+    def step(
+        self, frames: Iterable[bytes | bytearray], vehicle: VehicleState, drive: Iterable[bytes | bytearray] = ()
+    ) -> SteeringCommand:
         """What steering and speed control do until the next cycle.
 
         Args:
             frames: STEER_CMD frames that arrived since the last call, oldest first.
             vehicle: State now; its time must not go backwards.
+            drive: DRIVE_CMD frames likewise.
         """
         self._speed = vehicle.v_x if self._frame is None else self._speed
         self._receive(frames, vehicle.time)
+        if self._drive:
+            for data in self._drive.take(drive):
+                self._acceleration = decode_drive_command(data, self._drive.message)
+                self._accelerated = vehicle.time
         self.state = self._next_state(vehicle)
         elapsed = max(0.0, vehicle.time - self._last.time) if self._last else 0.0
         if self.state is not ActuatorState.FAULT and (self.state is ActuatorState.INIT or self._last is None):
@@ -197,7 +212,12 @@ class Actuator:
             return SteeringCommand(vehicle.time, self._target, 0.0, Status.FAULT)
         asked = self._frame.command
         status = asked.status if self.state is ActuatorState.ACTIVE else max(asked.status, Status.DEGRADED)
-        return SteeringCommand(vehicle.time, self._target, asked.target_speed, status)
+        acceleration = asked.acceleration if self._drive is None else self._acceleration
+        if self._drive and vehicle.time - self._accelerated - _INSTANT > self.hold_age:
+            acceleration = nan
+        if self.state is ActuatorState.STANDBY:
+            acceleration = nan
+        return SteeringCommand(vehicle.time, self._target, asked.target_speed, status, acceleration=acceleration)
 
     def _report(self, vehicle: VehicleState, elapsed: float) -> SteerStatus:
         rate = (vehicle.steer_angle - self._last.steer_angle) / elapsed if self._last and elapsed > 0.0 else 0.0

@@ -1,7 +1,7 @@
 """The two ends of the bus, as what they do in one cycle: frames in, frames out. In any time, simulated or real.
 
-    controller   takes the vehicle's state from the bus and answers with STEER_CMD; CTRL_STATUS every 100 ms
-    vehicle      takes STEER_CMD with its steering actuator and answers with STEER_STATUS and the state's three frames
+    controller   takes the vehicle's state from the bus, answers with DRIVE_CMD and STEER_CMD; CTRL_STATUS every 100 ms
+    vehicle      takes both with its actuators and answers with STEER_STATUS and the state's three frames
 
 Neither waits for the other: every cycle has its frames. While its input is older than 50 ms, or a channel is not
 VALID, the controller sends enable = 0 and asks to stop.
@@ -15,6 +15,7 @@ from sidestep.controller.can_port.actuator import Actuator, ActuatorConfig
 from sidestep.controller.can_port.codec.database import CYCLE, BusMessage, Catalogue, Frame, messages
 from sidestep.controller.can_port.codec.messages import (
     CTRL_STATUS,
+    DRIVE_CMD,
     MAX_RATE_LIMIT,
     STEER_CMD,
     STEER_STATUS,
@@ -24,6 +25,7 @@ from sidestep.controller.can_port.codec.messages import (
     SteerStatus,
     decode_controller_status,
     encode_controller_status,
+    encode_drive_command,
     encode_steer_command,
     steer_status_values,
 )
@@ -158,6 +160,8 @@ class ControllerNode:
         message, status = self._messages[STEER_CMD.name], self._messages[CTRL_STATUS.name]
         if (count := _count(message, self._cycle)) is not None:
             answers = sample.answers if sample else None
+            if drive := self._messages.get(DRIVE_CMD.name):
+                answer.append((drive.frame_id, encode_drive_command(command, count, enable, drive)))
             data = encode_steer_command(command, count, enable, self._rate_limit, message, answers)
             answer.append((message.frame_id, data))
         if (count := _count(status, self._cycle)) is not None:
@@ -205,7 +209,8 @@ class VehicleNode:
         self._sample = [self._messages[message.name] for message in VEHICLE_STATE]
         self._foreign = [m for m in self._messages.values() if not m.tied and m.sender in VEHICLE_NODES]
         self._command = self._messages[STEER_CMD.name]
-        self.actuator = Actuator(config, self._command, interface)
+        self._drive = self._messages.get(DRIVE_CMD.name)
+        self.actuator = Actuator(config, self._command, interface, self._drive)
         self.watch = CommandWatch(self.actuator)
         self.reports: list[tuple[float, ControllerStatus]] = []
         self._report = self._messages[CTRL_STATUS.name]
@@ -228,7 +233,8 @@ class VehicleNode:
         """
         arrived = list(frames)
         commands = [data for frame_id, data in arrived if frame_id == self._command.frame_id]
-        command = self.actuator.step(commands, state)
+        drive = [data for frame_id, data in arrived if self._drive and frame_id == self._drive.frame_id]
+        command = self.actuator.step(commands, state, drive)
         self.watch.see(state.time, commands)
         for frame_id, data in arrived:
             if frame_id == self._report.frame_id and self._reports.check(data) in _READABLE:

@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
-from math import isnan
+from math import isnan, nan
 from pathlib import Path
 from time import monotonic
 from typing import Self
@@ -17,7 +17,10 @@ from sidestep.controller.can_port.codec.database import CYCLE, EXTENDED, BusMess
 from sidestep.controller.can_port.codec.messages import (
     MAX_RATE_LIMIT,
     STEER_CMD,
+    decode_drive_command,
     decode_steer_command,
+    drive_message,
+    encode_drive_command,
     encode_steer_command,
 )
 from sidestep.controller.can_port.codec.samples import exact_frame, sample_number
@@ -28,7 +31,7 @@ from sidestep.plant_models.signals import SteeringCommand, VehicleState
 HELD = 0.05
 """How long the last command may be held, as an actuator on the bus would hold it, in [s]."""
 
-_OWN = 32  # commands that are known again when they come back
+_OWN = 64  # frames that are known again when they come back
 _PATIENCE = 0.1  # longest wait for our own frame to cross the bus, in [s]
 _USABLE = ACCEPTED | {CheckStatus.INITIAL}
 
@@ -72,20 +75,20 @@ class SteeringPort:
     ):
         self.interface = resolve_spec(spec)
         self.sent = self.lost = self.longest_gap = self.strangers = self._gap = 0
-        self._speed = 0.0
+        self._beside = SteeringCommand(0.0, 0.0, 0.0)
+        self._acceleration = nan  # of the DRIVE_CMD of this call; NaN until it has come
         self._behind, self._announced = behind, deque[int](maxlen=behind + 1)
         self._own: deque[bytes] = deque(maxlen=_OWN)
         self._steer_cmd = STEER_CMD if message is None else message
         self.receiver = Receiver(self._steer_cmd.profile, self._steer_cmd.length)
+        self._drive_cmd = drive_message(self._steer_cmd)
+        if self._drive_cmd:
+            self._drive_message = _message(self._drive_cmd)
+            self._drive_receiver = Receiver(self._drive_cmd.profile, self._drive_cmd.length)
         self._rate_limit = rate_limit
         self._counter = 0
         self._held: SteeringCommand | None = None
-        frame = self._message = can.Message(
-            arbitration_id=self._steer_cmd.frame_id & ~EXTENDED,
-            dlc=self._steer_cmd.length,
-            is_extended_id=bool(self._steer_cmd.frame_id & EXTENDED),
-            is_fd=self._steer_cmd.is_fd,
-        )
+        frame = self._message = _message(self._steer_cmd)
         self._record: Callable[[can.Message], None] | None = None
         with ExitStack() as resources:
             if self.interface != "off":
@@ -105,13 +108,13 @@ class SteeringPort:
         if self.interface == "off":
             return command
         answers = self._announced[0] if len(self._announced) > self._behind else None
+        if self._drive_cmd:
+            self._acceleration = nan
+            self._send(self._drive_message, encode_drive_command(command, self._counter, True, self._drive_cmd))
         data = encode_steer_command(command, self._counter, True, self._rate_limit, self._steer_cmd, answers)
         self._counter += 1
-        self._own.append(data)
-        self._speed = command.target_speed  # goes beside the bus if the message has no place for it
-        # bytes, not bytearray: the virtual bus deep-copies the frame, and bytes cost nothing to copy
-        self._message.data = data  # pyright: ignore[reportAttributeAccessIssue]
-        taken = self._bus.send(self._message)
+        self._beside = command  # speed and acceleration go beside the bus if the message has no place for a speed
+        taken = self._send(self._message, data)
         self.sent += taken
         arrived = self._receive(command.time, data if taken else None)
         self.lost, self._gap = self.lost + (not arrived), 0 if arrived else self._gap + 1
@@ -145,6 +148,12 @@ class SteeringPort:
     def __exit__(self, *exc: object) -> None:
         self.close()
 
+    def _send(self, message: can.Message, data: bytes) -> bool:
+        # bytes, not bytearray: the virtual bus deep-copies the frame, and bytes cost nothing to copy
+        message.data = data  # pyright: ignore[reportAttributeAccessIssue]
+        self._own.append(data)
+        return self._bus.send(message)
+
     def _receive(self, time: float, expected: bytes | None) -> bool:
         """Take in what waits, or comes in time, up to the expected frame; whether that one was accepted."""
         deadline = 0.0 if expected is None else monotonic() + _PATIENCE
@@ -158,11 +167,32 @@ class SteeringPort:
         if self._record:
             message.timestamp, message.channel = time, 0
             self._record(message)
+        if self._drive_cmd and key_of(message) == self._drive_cmd.frame_id:
+            self._accept_drive(message, self._drive_cmd)
         if key_of(message) != self._steer_cmd.frame_id:
             return False
         self.strangers += bytes(message.data) not in self._own
         if self.receiver.check(message.data) not in _USABLE:
             return False
         held = decode_steer_command(message.data, time, self._steer_cmd).command
-        self._held = replace(held, target_speed=self._speed) if isnan(held.target_speed) else held
+        if self._drive_cmd:
+            held = replace(held, acceleration=self._acceleration)
+        elif isnan(held.target_speed):
+            given = self._beside.acceleration if isnan(held.acceleration) else held.acceleration
+            held = replace(held, target_speed=self._beside.target_speed, acceleration=given)
+        self._held = held
         return True
+
+    def _accept_drive(self, message: can.Message, drive: BusMessage) -> None:
+        self.strangers += bytes(message.data) not in self._own
+        if self._drive_receiver.check(message.data) in _USABLE:
+            self._acceleration = decode_drive_command(message.data, drive)
+
+
+def _message(kind: BusMessage) -> can.Message:
+    return can.Message(
+        arbitration_id=kind.frame_id & ~EXTENDED,
+        dlc=kind.length,
+        is_extended_id=bool(kind.frame_id & EXTENDED),
+        is_fd=kind.is_fd,
+    )

@@ -94,12 +94,22 @@ def _clearances(path, stations, c):
 
 
 @kernel
+def _way_of_leader(w, c, speed):
+    """How far what blocks the way moves on while the car brakes to its speed, in [m]: where it is now is too early."""
+    if not w.blocked or w.gap_speed <= 0.0:
+        return 0.0
+    return w.gap_speed * max(speed - w.gap_speed, 0.0) / c.comfort_braking
+
+
+@kernel
 def _choose_speeds(m, w, c, road, speed, path):
     """Speeds of the prediction steps, and what a bend asks for; the literal paper holds its speed."""
     if c.grid.literal:
         w.speed[:], w.group_speed[:], w.bend_speed = speed, speed, math.inf
         return
+    w.gap += _way_of_leader(w, c, speed)
     bends = profile(w, c, road, speed, m.cruise, path)
+    w.gap -= _way_of_leader(w, c, speed)
     asked = drive_along(w, c.grid)
     w.bend_speed = asked if bends else math.inf
 

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from sidestep.fmu.compiling.cache import cache_folder
+from sidestep.fmu.compiling.platforms import HOST, Platform, archive_library, compile_library
 from sidestep.fmu.component.emit import kernels_stamp, object_code
 from sidestep.fmu.component.layout import SOURCES, header, private_header
-from sidestep.fmu.native.cache import cache_folder
-from sidestep.fmu.native.platforms import HOST, Platform, archive_library, compile_library
 from sidestep.fmu.scratch import discard, scratch_folder
 
 _TRIPLES = {

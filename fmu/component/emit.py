@@ -16,7 +16,7 @@ from typing import Any
 
 import llvmlite.binding as llvm
 
-from sidestep.fmu.native.cache import cached
+from sidestep.fmu.compiling.cache import cached
 from sidestep.fmu.scratch import discard, scratch_folder
 from sidestep.plant_models.errors import PlantError
 from sidestep.plant_models.kernels import source_stamp

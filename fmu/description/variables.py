@@ -40,6 +40,10 @@ MOTION = (
 )
 """Name, unit and description of what plants give and the controller takes, in VehicleState's order."""
 
+NO_ACCELERATION, ACCELERATION_START = 1e3, 1e4
+"""From which value on a plant's input `acceleration` says that none is given, and what it is until it is set, [m/s^2]:
+a number, since importers differ in what they make of NaN, and so far off that no derivative is taken across."""
+
 
 @dataclass(frozen=True)
 class Variable:
@@ -149,7 +153,7 @@ def c_header(model: Model, token: str) -> str:
     states = model.of_kind("state", "hidden state")
     return (
         "/* Generated from the variable table: do not edit. */\n#pragma once\n"
-        f'#define MODEL_TOKEN "{token}"\n#define GRAVITY {GRAVITY!r}\n'
+        f'#define MODEL_TOKEN "{token}"\n#define GRAVITY {GRAVITY!r}\n#define NO_ACCELERATION {NO_ACCELERATION!r}\n'
         f"enum {{\n{references}    N_VARIABLES,\n"
         f"    FIRST_STATE = {states[0][0] if states else 0},\n    N_STATES = {len(states)}\n}};\n"
         f"#define TAKES_NAN {int(model.takes_nan)}\n#define VARIABLE_ROWS {{ \\\n{rows}}}\n{model.c_lines}"

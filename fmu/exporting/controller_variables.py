@@ -33,8 +33,8 @@ _OBSTACLE = {
 # field of COMMAND: name, unit, description
 _COMMAND = {
     "steer_angle": ("steer_angle_command", "rad", "Road-wheel angle to be realised"),
-    "acceleration": ("acceleration_command", "m/s2", "Acceleration wanted now"),
-    "target_speed": ("target_speed", "m/s", "Speed to hold"),
+    "acceleration": ("acceleration", "m/s2", "Acceleration wanted now, negative to brake"),
+    "target_speed": ("target_speed", "m/s", "Speed to hold, for plants that know nothing else"),
     "status": ("status", "", "0 tracking, 1 degraded, 2 blocked, 3 fault"),
 }
 _SOLVER_WORDS = (f"{i} {(word or 'not asked').lower().replace('_', ' ')}" for i, word in enumerate(SOLVER_STATUS))

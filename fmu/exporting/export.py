@@ -6,12 +6,12 @@ from pathlib import Path
 
 from sidestep.controller import ControllerConfig
 from sidestep.controller.settings import settings_of
+from sidestep.fmu.compiling.platforms import HOST, Platform
 from sidestep.fmu.component.build import component_files, revision
 from sidestep.fmu.component.records import setup_of
+from sidestep.fmu.description.plants import find_model, model_values
 from sidestep.fmu.exporting.controller_variables import controller_model
 from sidestep.fmu.native.build import build_model
-from sidestep.fmu.native.plants import find_model, model_values
-from sidestep.fmu.native.platforms import HOST, Platform
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road.reference_path import ReferencePath
 from sidestep.plant_models.signals import VehicleState

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sidestep.controller import ControllerConfig
+from sidestep.fmu.compiling.platforms import HOST, Platform
 from sidestep.fmu.component.build import shared_library, static_library
 from sidestep.fmu.component.layout import SOURCES, header
 from sidestep.fmu.component.records import setup_of
 from sidestep.fmu.native.build import write_to
-from sidestep.fmu.native.platforms import HOST, Platform
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.road.reference_path import ReferencePath
 from sidestep.plant_models.vehicle.parameters import VehicleParameters

@@ -11,7 +11,7 @@ from sidestep.fmu.native.build import write_to
 
 _SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
 _SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
-_COMMANDS = ("steer_angle_command", "target_speed")
+_COMMANDS = ("steer_angle_command", "target_speed", "acceleration")
 
 
 def write_ssp(out: Path, name: str, controller: Path, plant: Path, duration: float, period: float) -> Path:

@@ -18,11 +18,15 @@ mass = 1500.0
 
 import math
 import tomllib
-from dataclasses import dataclass, field
+from collections.abc import Mapping as Lookup
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from fmpy.model_description import ScalarVariable
+
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.vehicle.checks import GRAVITY
 from sidestep.plant_models.vehicle.table import vehicle_from_table
 
 OUTPUTS = ("x", "y", "yaw", "v_x", "v_y", "yaw_rate", "steer_angle")
@@ -39,15 +43,16 @@ UNITS: dict[str, dict[str, float]] = {
     "angle": {"rad": 1.0, "deg": math.pi / 180.0},
     "speed": {"m/s": 1.0, "km/h": 1.0 / 3.6, "mph": 0.44704},
     "angular rate": {"rad/s": 1.0, "deg/s": math.pi / 180.0},
-    "acceleration": {"m/s2": 1.0, "g": 9.81},
+    "acceleration": {"m/s2": 1.0, "g": GRAVITY},
 }
 """SI units per unit, by dimension."""
 
 _TABLES = ("inputs", "outputs", "start", "parameters", "vehicle")
 
 INPUTS = ("steer_angle", "target_speed", "acceleration", "throttle", "brake")
-"""Signals that an FMU may get as inputs. The last three follow from the target speed by the speed control of our own
-plants: wanted acceleration, its positive part, its negative part; all in [m/s^2]."""
+"""Signals that an FMU may get as inputs. The last three are the commanded acceleration, its positive part and its
+negative part, all in [m/s^2]; where none is commanded it follows from the target speed by the speed control of our own
+plants. Braking fades in `acceleration` as the car comes to rest, since an FMU might drive backwards; `brake` stays."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +91,11 @@ class Mapping:
     """
 
     inputs: dict[str, Signal] = field(
-        default_factory=lambda: {"steer_angle": Signal("steer_angle_command"), "target_speed": Signal("target_speed")}
+        default_factory=lambda: {
+            "steer_angle": Signal("steer_angle_command"),
+            "target_speed": Signal("target_speed"),
+            "acceleration": Signal("acceleration"),
+        }
     )
     outputs: dict[str, Signal] = field(default_factory=lambda: {name: Signal(name) for name in OUTPUTS})
     start: dict[str, Signal] = field(default_factory=lambda: {name: Signal(f"{name}_0") for name in OUTPUTS})
@@ -98,6 +107,20 @@ class Mapping:
     def __post_init__(self) -> None:
         if "steer_angle" not in self.inputs:
             raise InputError("inputs", "no steer_angle: nothing steers the car", "steer_angle = ...")
+
+    def without_unknown(self, variables: Lookup[str, ScalarVariable]) -> "Mapping":
+        """Without our acceleration where the inputs are ours and the FMU takes none: the target speed drives it."""
+        row = variables.get("acceleration")
+        if self.inputs != Mapping().inputs or (row and row.causality == "input"):
+            return self
+        return replace(self, inputs={name: signal for name, signal in self.inputs.items() if name != "acceleration"})
+
+    @property
+    def is_own(self) -> bool:
+        """Whether nothing but parameters differs from our own FMUs, or from those that know no acceleration."""
+        ours, drive = Mapping(), {"target_speed", "acceleration"}
+        both = drive & self.inputs.keys() in ({"target_speed"}, drive)
+        return both and replace(self, inputs=ours.inputs | self.inputs, parameters={}) == ours
 
     @classmethod
     def from_file(cls, path: str | Path) -> "Mapping":

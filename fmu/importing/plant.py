@@ -1,18 +1,18 @@
-"""Any co-simulation FMU as a plant; our own are built on first use."""
+"""Any co-simulation FMU as a plant."""
 
 import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
+from sidestep.fmu.description.plants import vehicle_values
+from sidestep.fmu.description.variables import ACCELERATION_START
 from sidestep.fmu.importing.estimation import Estimator, unwrapped
 from sidestep.fmu.importing.instance import FmuInstance
 from sidestep.fmu.importing.mapping import INPUTS, OUTPUTS, Mapping
-from sidestep.fmu.native.build import build_fmu
-from sidestep.fmu.native.plants import find_model, model_values, vehicle_values
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.plant_models.speed_control import limited_acceleration
+from sidestep.plant_models.speed_control import asked_acceleration, drive_asked, limited_acceleration
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
 
@@ -37,8 +37,9 @@ class FmuPlant:
         Raises:
             InputError: The FMU cannot be used on this machine, or lacks a variable of the mapping.
         """
-        self.path, self.mapping = Path(path), mapping
+        self.path = Path(path)
         self._fmu = FmuInstance(path)
+        self.mapping = mapping = mapping.without_unknown(self._fmu.variables)
         self._input_names = [name for name in INPUTS if name in mapping.inputs]
         self._output_names = [name for name in OUTPUTS if name in mapping.outputs]
         try:
@@ -50,7 +51,7 @@ class FmuPlant:
             self._fmu.close()
             raise
         self._scales = [(s.scale, s.offset) for s in (mapping.outputs[name] for name in self._output_names)]
-        self._is_foreign = mapping != Mapping(parameters=mapping.parameters)
+        self._is_foreign = not mapping.is_own
         self._estimator = Estimator(mapping.estimate)
         self._limits = (vehicle.max_braking, vehicle.max_acceleration) if vehicle else (8.0, 3.0)
         self._origin = self._time = self._dt = 0.0
@@ -63,31 +64,6 @@ class FmuPlant:
     def estimated(self) -> tuple[str, ...]:
         """Signals of the state that the FMU does not report."""
         return self.mapping.estimate
-
-    @classmethod
-    def native(
-        cls,
-        vehicle: VehicleParameters,
-        friction: float = 1.0,
-        fmi: int = 3,
-        model: str = "single-track",
-        **parameters: float,
-    ) -> Self:
-        """One of our own FMUs, built on first use.
-
-        Args:
-            vehicle: The car.
-            friction: Of the road, as a factor on the tyres' peak.
-            fmi: 2 or 3.
-            model: One of `plants.MODELS`.
-            parameters: Further parameters of the FMU by name, in SI units: steer_offset, internal_step.
-
-        Raises:
-            InputError: No such model, FMI version or parameter, or the car lacks what the model needs.
-            CompilerError: The FMU is not built yet and there is no C compiler.
-        """
-        values = model_values(find_model(model), vehicle, friction) | parameters
-        return cls(build_fmu(model, fmi), Mapping(parameters={**values}))
 
     @classmethod
     def from_file(
@@ -112,7 +88,7 @@ class FmuPlant:
             plant = cls(path, Mapping(), vehicle)
             values = vehicle_values(vehicle) if vehicle else {}
             known = {name: value for name, value in values.items() if name in plant._fmu.variables}
-            plant.mapping = Mapping(parameters={**known})
+            plant.mapping = replace(plant.mapping, parameters={**known})
         else:
             plant = cls(path, mapping if isinstance(mapping, Mapping) else Mapping.from_file(mapping), vehicle)
         if not math.isclose(friction, 1.0):
@@ -195,25 +171,26 @@ class FmuPlant:
         self.close()
 
     def _hold(self, command: SteeringCommand) -> None:
-        steer, speed = command.steer_angle, command.target_speed
-        if not (math.isfinite(steer) and math.isfinite(speed)):
-            steer = steer if math.isfinite(steer) else self._command.steer_angle
-            speed = speed if math.isfinite(speed) else self._command.target_speed
-            command = SteeringCommand(command.time, steer, speed)
-        self._command = command
-        values = self._inputs.values
-        if self._is_foreign:
-            values[:] = self._input_values(self._signals["v_x"])
-        else:
-            values[0], values[1] = steer, speed
+        steer, held = command.steer_angle, self._command
+        speed, acceleration = drive_asked(command, (held.target_speed, held.acceleration))
+        steer = steer if math.isfinite(steer) else held.steer_angle
+        self._command = SteeringCommand(command.time, steer, speed, acceleration=acceleration)
+        self._inputs.values[:] = self._input_values(self._signals["v_x"])
 
     def _input_values(self, speed: float) -> list[float]:
         """Values of the input variables for the command in force, at this speed in [m/s]."""
-        target = self._command.target_speed
-        acceleration = limited_acceleration(speed, max(target, 0.0), *self._limits)
+        steer, target, wanted = self._command.steer_angle, self._command.target_speed, self._command.acceleration
+        if not self._is_foreign:
+            given = wanted if math.isfinite(wanted) else ACCELERATION_START
+            return [steer, target, given][: len(self._input_names)]
+        braking, driving = self._limits
+        pedals = min(max(wanted, -braking), driving)
+        if not math.isfinite(wanted):
+            pedals = limited_acceleration(speed, max(target, 0.0), braking, driving)
         signals = {
-            "steer_angle": self._command.steer_angle, "target_speed": target, "acceleration": acceleration,
-            "throttle": max(acceleration, 0.0), "brake": max(-acceleration, 0.0),
+            "steer_angle": steer, "target_speed": target,
+            "acceleration": asked_acceleration(speed, max(target, 0.0), wanted, braking, driving),
+            "throttle": max(pedals, 0.0), "brake": max(-pedals, 0.0),
         }  # fmt: skip
         return [self.mapping.inputs[name].from_signal(signals[name]) for name in self._input_names]
 

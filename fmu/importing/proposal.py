@@ -98,8 +98,10 @@ def _section(fmu: UnpackedFmu, names: tuple[str, ...], causalities: tuple[str, .
         ]
         if ranked:
             found[name] = min(ranked, key=lambda row: row[:2])[2]
-    if "target_speed" in found:  # one way to drive is enough
-        found = {name: c for name, c in found.items() if name not in ("acceleration", "throttle", "brake")}
+    if "target_speed" in found:  # one way to drive is enough, but where we know what both together mean
+        ours = all(found[name].name == name for name in ("target_speed", "acceleration") if name in found)
+        others = ("throttle", "brake") if ours else ("acceleration", "throttle", "brake")
+        found = {name: c for name, c in found.items() if name not in others}
     return found
 
 

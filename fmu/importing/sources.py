@@ -6,8 +6,8 @@ from pathlib import Path
 import fmpy
 from fmpy.model_description import BuildConfiguration, ModelDescription
 
-from sidestep.fmu.native.cache import cached
-from sidestep.fmu.native.platforms import HOST, compile_library
+from sidestep.fmu.compiling.cache import cached
+from sidestep.fmu.compiling.platforms import HOST, compile_library
 from sidestep.fmu.scratch import discard, scratch_folder
 
 _HEADERS = Path(fmpy.__file__).parent / "c-code"

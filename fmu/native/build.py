@@ -10,13 +10,8 @@ from pathlib import Path
 
 import fmpy
 
-from sidestep.fmu.description.expected_output import expected_output
-from sidestep.fmu.description.icon import draw_icon
-from sidestep.fmu.description.model_description import build_description, model_description, variable_rows
-from sidestep.fmu.description.variables import Model, c_header
-from sidestep.fmu.native.cache import cache_folder, cached, write_whole
-from sidestep.fmu.native.plants import find_model
-from sidestep.fmu.native.platforms import (
+from sidestep.fmu.compiling.cache import cache_folder, cached, write_whole
+from sidestep.fmu.compiling.platforms import (
     HOST,
     Platform,
     all_platforms,
@@ -25,6 +20,11 @@ from sidestep.fmu.native.platforms import (
     compiler_version,
     find_compiler,
 )
+from sidestep.fmu.description.icon import draw_icon
+from sidestep.fmu.description.model_description import build_description, model_description, variable_rows
+from sidestep.fmu.description.plants import find_model
+from sidestep.fmu.description.variables import Model, c_header
+from sidestep.fmu.native.expected_output import expected_output
 from sidestep.fmu.scratch import discard, scratch_folder
 from sidestep.plant_models.errors import InputError
 

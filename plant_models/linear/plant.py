@@ -15,7 +15,7 @@ import numpy as np
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.kernels import Array, Record, kernel
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.plant_models.speed_control import limited_acceleration
+from sidestep.plant_models.speed_control import asked_acceleration, drive_asked
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
 SLIP_SPEED = 1.5
@@ -54,7 +54,7 @@ class LinearPlant:
         ])  # fmt: skip
         self._state: VehicleState | None = None
         self._motion = np.zeros(6)
-        self._steer_command = self._target_speed = 0.0
+        self._steer_command, self._drive = 0.0, (0.0, math.nan)
 
     def reset(self, state: VehicleState) -> VehicleState:
         """Start from `state`, its steering angle cut to the limit.
@@ -65,7 +65,7 @@ class LinearPlant:
         if not state.is_finite():
             raise PlantError(f"cannot start from a state that is not finite: {state}")
         steer = min(max(state.steer_angle, -self._limit), self._limit)
-        self._steer_command, self._target_speed = steer, state.v_x
+        self._steer_command, self._drive = steer, (state.v_x, math.nan)
         self._motion[:] = state.x, state.y, state.yaw, state.v_x, state.v_y, state.yaw_rate
         self._state = replace(state, steer_angle=steer)
         return self._state
@@ -84,13 +84,12 @@ class LinearPlant:
             raise InputError("dt", f"{dt} s", "> 0")
         if math.isfinite(command.steer_angle):
             self._steer_command = min(max(command.steer_angle + self._offset, -self._limit), self._limit)
-        if math.isfinite(command.target_speed):
-            self._target_speed = command.target_speed
+        self._drive = drive_asked(command, self._drive)
         steer = advance(
             self._motion,
             state.steer_angle,
             self._steer_command,
-            self._target_speed,
+            self._drive,
             dt,
             max(1, math.ceil(dt / MAX_SUBSTEP - 1e-9)),
             self._parameters,
@@ -128,14 +127,14 @@ def steered(steer: float, command: float, elapsed: float, time_constant: float, 
 
 
 @kernel
-def advance(motion: Array, steer: float, command: float, target_speed: Any, dt: float, substeps: Any, p: Record) -> Any:
+def advance(motion: Array, steer: float, command: float, drive: Any, dt: float, substeps: Any, p: Record) -> Any:
     """Runge-Kutta 4 over `dt`.
 
     Args:
         motion: x, y, yaw, v_x, v_y, yaw_rate; overwritten.
         steer: Road-wheel angle, in [rad].
         command: Road-wheel angle that the actuator goes to, in [rad].
-        target_speed: In [m/s].
+        drive: Target speed, in [m/s], and acceleration, in [m/s^2], not finite if it is not given.
         dt: Step, in [s].
         substeps: Number of equal Runge-Kutta steps in it.
         p: The car, as `LinearPlant` lays it out.
@@ -150,7 +149,7 @@ def advance(motion: Array, steer: float, command: float, target_speed: Any, dt: 
         end = steered(steer, command, h, p[6], p[7])
         trial[:], total[:] = motion, 0.0
         for angle, reach, weight in ((steer, 0.5, 1.0), (middle, 0.5, 2.0), (middle, 1.0, 2.0), (end, 0.0, 1.0)):
-            _slope(trial, angle, target_speed, p, slope)
+            _slope(trial, angle, drive, p, slope)
             for i in range(6):
                 total[i] += weight * slope[i]
                 trial[i] = motion[i] + reach * h * slope[i]
@@ -161,7 +160,7 @@ def advance(motion: Array, steer: float, command: float, target_speed: Any, dt: 
 
 
 @kernel
-def _slope(motion, steer, target_speed, p, slope):
+def _slope(motion, steer, drive, p, slope):
     yaw, v_x, v_y, yaw_rate = motion[2], motion[3], motion[4], motion[5]
     mass, inertia, l_f, l_r, stiffness_f, stiffness_r = p[0], p[1], p[2], p[3], p[4], p[5]
     slip_speed = max(abs(v_x), SLIP_SPEED)
@@ -170,6 +169,6 @@ def _slope(motion, steer, target_speed, p, slope):
     slope[0] = v_x * math.cos(yaw) - v_y * math.sin(yaw)
     slope[1] = v_x * math.sin(yaw) + v_y * math.cos(yaw)
     slope[2] = yaw_rate
-    slope[3] = limited_acceleration(v_x, target_speed, p[8], p[9])
+    slope[3] = asked_acceleration(v_x, drive[0], drive[1], p[8], p[9])
     slope[4] = (front + rear) / mass - v_x * yaw_rate
     slope[5] = (l_f * front - l_r * rear) / inertia

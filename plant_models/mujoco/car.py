@@ -15,6 +15,7 @@ from mujoco import mjtConDataField, mjtGeom, mjtJoint, mjtObj, mjtSensor, mjtTrn
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.mujoco.bodies import WHEELS, Corner, corners, sprung_body, suspension_of, upright_inertia
 from sidestep.plant_models.mujoco.looks import add_cabin, add_looks
+from sidestep.plant_models.mujoco.obstacles import add_obstacle
 from sidestep.plant_models.mujoco.surface import HeightField, Surface
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.tyres.contact import STATE, TYRE_MODES
@@ -78,7 +79,7 @@ def car_spec(
     _add_actuators(spec, suspension_of(vehicle))
     _add_sensors(spec, with_forces=tyre != "magic-formula")
     for index, obstacle in enumerate(obstacles):
-        _add_obstacle(spec, index, obstacle)
+        add_obstacle(spec, f"obstacle{index}", obstacle, touches=2)
     _calibrate(spec, suspension_of(vehicle))
     if tyre != "magic-formula":
         _add_friction(spec, vehicle, tyre == "contact")
@@ -100,15 +101,6 @@ def _add_road(spec: mujoco.MjSpec, heights: HeightField | None) -> None:
     )  # fmt: skip
     road.type, road.hfieldname = mjtGeom.mjGEOM_HFIELD, "road"
     road.pos = [heights.x + reach[0], heights.y + reach[1], float(z.min())]
-
-
-def _add_obstacle(spec: mujoco.MjSpec, index: int, obstacle: Obstacle) -> None:
-    body = spec.worldbody.add_body(name=f"obstacle{index}", mocap=True)
-    size = [obstacle.length / 2.0, obstacle.width / 2.0, obstacle.height / 2.0]
-    body.add_geom(
-        name=f"obstacle{index}", type=mjtGeom.mjGEOM_BOX, size=size, pos=[0.0, 0.0, obstacle.height / 2.0],
-        contype=2, conaffinity=2, rgba=[0.8, 0.1, 0.1, 1.0],
-    )  # fmt: skip
 
 
 def _add_chassis(spec: mujoco.MjSpec, vehicle: VehicleParameters) -> mujoco.MjsBody:

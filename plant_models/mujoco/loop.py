@@ -16,12 +16,12 @@ from numba import config, types
 from sidestep.plant_models.kernels import Array, kernel
 from sidestep.plant_models.linear.plant import steered
 from sidestep.plant_models.mujoco.library import load_own_copy
-from sidestep.plant_models.speed_control import limited_acceleration
+from sidestep.plant_models.speed_control import HOLD_SPEED, limited_acceleration
 from sidestep.plant_models.tyres.contact import PATCH, dot, tyres
 
 _GRIP_USED = 0.9  # share of the peak that drive and brakes ask for
 _SLIP_RELEASE = 0.2  # slip at which drive and brakes let go (anti-lock)
-_HOLD_SPEED, _HOLD_TARGET = 0.1, 0.05  # brakes hold the car below the one when the other is asked, [m/s]
+_HOLD_TARGET = 0.05  # brakes hold a car that hardly moves when less than this is asked, [m/s]
 _ABSURD = 1e5  # no joint moves that fast, [m/s] or [rad/s]
 
 _LIBRARY = load_own_copy()
@@ -48,11 +48,23 @@ def ackermann(angle: float, offset: float) -> float:
 
 
 @kernel
+def _demand(car, state, speed):
+    """Acceleration asked for, in [m/s^2], and whether the car is to stand when it hardly moves any more.
+
+    As commanded, or by the speed control. Brakes need no fading here: they are dry friction at each wheel.
+    """
+    target, wanted = state["target_speed"], state["acceleration"]
+    if math.isfinite(wanted):
+        return min(max(wanted, -car["max_braking"]), car["max_acceleration"]), wanted < 0.0
+    return limited_acceleration(speed, target, car["max_braking"], car["max_acceleration"]), target < _HOLD_TARGET
+
+
+@kernel
 def _wheel_torques(dt, car, state, qvel, ctrl):
-    """Speed hold: drive on the rear axle, brakes on all wheels by their load, both within the grip."""
-    target, speed = state["target_speed"], state["planar"][3]
-    demand = limited_acceleration(speed, target, car["max_braking"], car["max_acceleration"])
-    if target < _HOLD_TARGET and abs(speed) < _HOLD_SPEED:
+    """Drive on the rear axle, brakes on all wheels by their load, both within the grip."""
+    speed = state["planar"][3]
+    demand, holds = _demand(car, state, speed)
+    if holds and abs(speed) < HOLD_SPEED:
         demand = -car["max_braking"]
     force = demand * (car["mass"] + 4.0 * car["spin_inertia"] / car["wheel_radius"] ** 2)
     yaw = state["planar"][2]  # what pulls the car downhill is no business of the speed control

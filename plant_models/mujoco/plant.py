@@ -13,14 +13,15 @@ from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.mujoco.bodies import WHEELS, corners, suspension_of
 from sidestep.plant_models.mujoco.car import TYRE_DAMPING, car_spec, damping_scale, fill_delay_lines
 from sidestep.plant_models.mujoco.loop import ackermann, advance, observe
+from sidestep.plant_models.mujoco.obstacles import place_obstacles, yaw_quaternion
 from sidestep.plant_models.mujoco.surface import Surface, patch_table
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road.reference_path import ReferencePath
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
+from sidestep.plant_models.speed_control import drive_asked
 from sidestep.plant_models.tyres.contact import CAR, PATCH, STATE, TYRE_MODES, relaxed_slip
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
-_BURIED = -100.0  # where an obstacle is that is not there, in [m]
 _FAR = 1e3  # clearance is not measured beyond, [m]
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _LONG = 1e6  # time in which any tyre has relaxed, [s]
@@ -98,10 +99,10 @@ class MujocoPlant:
         position[:2] = state.x, state.y
         if self._surface.heights is not None:
             position[2] += self._surface.heights.at(state.x, state.y)
-        position[3:7] = _quaternion(state.yaw)
+        position[3:7] = yaw_quaternion(state.yaw)
         velocity[:2] = cos * state.v_x - sin * state.v_y, sin * state.v_x + cos * state.v_y
-        velocity[5] = state.yaw_rate
-        own["steer_angle"], own["steer_command"], own["target_speed"] = state.steer_angle, state.steer_angle, state.v_x
+        own["steer_angle"] = own["steer_command"] = state.steer_angle
+        own["target_speed"], own["acceleration"], velocity[5] = state.v_x, math.nan, state.yaw_rate
         self._set_rolling(state)
         self._place_obstacles(state.time)
         self._planar[2] = state.yaw  # the branch to stay on
@@ -142,8 +143,7 @@ class MujocoPlant:
         if math.isfinite(command.steer_angle):
             limit = self._vehicle.steer_limit
             own["steer_command"] = min(max(command.steer_angle, -limit), limit)
-        if math.isfinite(command.target_speed):
-            own["target_speed"] = command.target_speed
+        own[["target_speed", "acceleration"]] = drive_asked(command, own[["target_speed", "acceleration"]][0].item())
         steps = max(1, math.ceil(dt / self._time_step - 1e-9))
         self.model.opt.timestep = dt / steps
         if self._moves:
@@ -160,11 +160,7 @@ class MujocoPlant:
         return state
 
     def _place_obstacles(self, time: float) -> None:
-        road = self._path
-        for i, obstacle in enumerate(self._obstacles):
-            x, y, yaw = obstacle.pose(road, time)
-            self.data.mocap_pos[i] = x, y, 0.0 if obstacle.is_there(time) else _BURIED
-            self.data.mocap_quat[i] = _quaternion(yaw)
+        place_obstacles(self.data.mocap_pos, self.data.mocap_quat, self._obstacles, self._path, time)
 
     def move_road(self, v_x: float, v_y: float) -> None:
         """Let the road move under the car, in [m/s]: a belt; not part of what `save` keeps."""
@@ -203,6 +199,13 @@ class MujocoPlant:
     def _beside_state(self) -> tuple[NDArray[np.float64], ...]:
         """What MuJoCo's own state has not: the tuned contacts and the forces that they answer to."""
         return self.model.pair_friction, self.model.pair_solreffriction, self.data.sensordata
+
+    @property
+    def spot(self) -> tuple[float, float, float, float]:
+        """Where a camera looks for the car: x, y, z [m] and yaw [rad]."""
+        mujoco.mj_kinematics(self.model, self.data)  # poses are one step old after a step
+        x, y, z = self.data.qpos[:3].tolist()
+        return x, y, z, float(self._planar[2])
 
     @property
     def collided(self) -> bool:
@@ -259,10 +262,6 @@ class MujocoPlant:
 
     def __exit__(self, *exc: object) -> None:
         self.close()
-
-
-def _quaternion(yaw: float) -> tuple[float, float, float, float]:
-    return math.cos(yaw / 2.0), 0.0, 0.0, math.sin(yaw / 2.0)
 
 
 def _record(vehicle: VehicleParameters, model: mujoco.MjModel, friction: float) -> NDArray[np.void]:

@@ -61,6 +61,7 @@ STATE = np.dtype(
         ("deflection", np.float64, (4, 2)),  # of the carcass, longitudinal and lateral, [m]
         ("steer_command", np.float64),
         ("target_speed", np.float64),
+        ("acceleration", np.float64),  # NaN for none
         ("steer_angle", np.float64),  # of the steering actuator
         ("collided", np.float64),
         ("planar", np.float64, 7),  # x, y, yaw, v_x, v_y, yaw_rate, steer_angle of VehicleState

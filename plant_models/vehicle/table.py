@@ -14,19 +14,25 @@ WHOLE = ("preset", "file")
 """Keys that tell a whole car."""
 
 
-def vehicle_from_table(table: dict[str, Any], folder: Path = Path()) -> VehicleParameters:
+def vehicle_from_table(
+    table: dict[str, Any], folder: Path = Path(), known: VehicleParameters | None = None
+) -> VehicleParameters:
     """The car of a table `vehicle`.
 
     Args:
         table: preset, file and tyre_file, and fields of `VehicleParameters`.
         folder: From which the files in it are found.
+        known: The car where neither preset nor file is told; None for DEFAULT.
 
     Raises:
         InputError: Unknown key, a value out of range, or a file that cannot be read.
     """
     values = dict(table)
-    preset, file, tyre_file = values.pop("preset", DEFAULT), values.pop("file", ""), values.pop("tyre_file", "")
-    base = VehicleParameters.from_file(folder / file) if file else VehicleParameters.preset(preset)
+    preset, file, tyre_file = values.pop("preset", ""), values.pop("file", ""), values.pop("tyre_file", "")
+    if file:
+        base = VehicleParameters.from_file(folder / file)
+    else:
+        base = known if known and not preset else VehicleParameters.preset(preset or DEFAULT)
     if tyre_file:
         base = base.on_tyres(read_tyre(folder / tyre_file))
     for name in ("tyre", "suspension"):

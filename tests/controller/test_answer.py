@@ -6,11 +6,11 @@ import pytest
 
 from sidestep.controller import ControllerConfig, SteeringController
 from sidestep.controller.decision.stopping import GRIP_SHARE, LEAST_BRAKING, SWERVE_TIME
+from sidestep.controller.speed import CLOSING_TIME
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road.reference_path import ReferencePath
 from sidestep.plant_models.road.segments import Line
 from sidestep.plant_models.signals import VehicleState
-from sidestep.plant_models.speed_control import SPEED_GAIN
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 
 BMW = VehicleParameters.preset("bmw-320i")
@@ -25,7 +25,7 @@ def test_a_car_that_swerves_brakes_with_the_grip_that_is_left(distance, friction
     command, plan = controller.step(VehicleState(v_x=15.0)), controller.plan
     assert plan is not None
     swerve = 15.0 * max(abs(plan.states[plan.states_time <= SWERVE_TIME, 3]))
-    braking = SPEED_GAIN * (15.0 - command.target_speed)
+    braking = (15.0 - command.target_speed) / CLOSING_TIME
     assert swerve > 3.0
     assert braking >= LEAST_BRAKING - 1e-9
     if braking > LEAST_BRAKING + 1e-9:

@@ -1,4 +1,4 @@
-"""The stepping controller: scenes on the linear plant, the fallback ladder, hostile input."""
+"""The stepping controller: scenes on the linear plant, its limits, and what it corrects."""
 
 import math
 from dataclasses import replace
@@ -7,47 +7,15 @@ import numpy as np
 import pytest
 import shapely
 import shapely.affinity
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from support.steering_drive import BMW, DOUBLE, ROAD, SINGLE, drive, footprint, good_state
 
 from sidestep.controller import ControllerConfig, SteeringController
-from sidestep.controller.answer import SHIFTED_PLAN_TIME
-from sidestep.controller.mpc.status import ITERATION_LIMIT
-from sidestep.controller.step import BOUNDED, prepare
 from sidestep.plant_models.linear.bicycle import continuous
-from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road.reference_path import ReferencePath
-from sidestep.plant_models.road.segments import Arc, Line
+from sidestep.plant_models.road.segments import Arc
 from sidestep.plant_models.signals import Status, VehicleState
-from sidestep.plant_models.vehicle.parameters import VehicleParameters
-
-BMW = VehicleParameters.preset("bmw-320i")
-ROAD = ReferencePath.from_segments([Line(200.0)])
-SINGLE = (Obstacle(40.0, 0.0, 4.5, 1.8),)
-DOUBLE = (Obstacle(40.0, -0.6, 4.5, 1.8), Obstacle(70.0, 0.8, 4.5, 1.8))
-
-
-def drive(obstacles, config=None, road=ROAD, start=None, duration=8.0, vehicle=BMW, delay=0):
-    """States, commands and plans of a closed loop on the linear plant."""
-    controller = SteeringController(vehicle, road, obstacles, config)
-    states, commands, plans = [], [], []
-    with LinearPlant(vehicle) as plant:
-        state = plant.reset(start or VehicleState(v_x=15.0))
-        for _ in range(round(duration / 0.02)):
-            states.append(state)
-            commands.append(controller.step(state))
-            plans.append(controller.plan)
-            late = commands[-1 - delay] if len(commands) > delay else replace(commands[0], steer_angle=0.0)
-            state = plant.step(late, 0.02)
-    return states, commands, plans
-
-
-def footprint(state):
-    car = shapely.box(-BMW.rear_extent, -0.5 * BMW.width, BMW.front_extent, 0.5 * BMW.width)
-    turned = shapely.affinity.rotate(car, state.yaw, origin=(0.0, 0.0), use_radians=True)
-    return shapely.affinity.translate(turned, state.x, state.y)
 
 
 @pytest.mark.closed_loop
@@ -109,94 +77,6 @@ def test_steering_stays_within_its_limits():
     assert np.abs(np.diff(angle)).max() <= 0.02 * BMW.steer_rate_limit + 1e-9
 
 
-@pytest.mark.closed_loop
-def test_blocked_road_stops_the_car_before_it():
-    wall = (Obstacle(80.0, 0.0, 1.0, 12.0),)
-    states, commands, plans = drive(wall, duration=14.0)
-    assert states[-1].v_x < 0.1
-    gap = 79.5 - BMW.front_extent - states[-1].x
-    assert 0.5 < gap < 4.0
-    assert Status.BLOCKED in {command.status for command in commands}
-    targets = [command.target_speed for command in commands]
-    assert targets[-1] < 0.5
-    assert max(np.diff(targets)) < 0.05
-    assert min(plan.stop_distance for plan in plans) < 2.0
-
-
-@pytest.mark.closed_loop
-@pytest.mark.parametrize("mirror", [1.0, -1.0])
-def test_a_car_that_is_held_up_waits_beside_the_lane_of_what_comes(mirror):
-    standing = Obstacle(34.0, -2.2 * mirror, 4.0, 3.0)
-    oncoming = Obstacle(60.0, 1.2 * mirror, 4.5, 1.8, speed=-8.0)
-    states, _, _ = drive((standing, oncoming), duration=12.0)
-    for state in states:
-        middle = oncoming.s + oncoming.speed * state.time
-        box = shapely.box(middle - 2.25, oncoming.l - 0.9, middle + 2.25, oncoming.l + 0.9)
-        assert footprint(state).distance(box) > 0.1
-        assert footprint(state).distance(shapely.box(32.0, standing.l - 1.5, 36.0, standing.l + 1.5)) > 0.1
-    assert min(state.v_x for state in states) < 8.0
-    assert states[-1].x > 60.0
-    assert mirror * np.interp(34.0, [state.x for state in states], [state.y for state in states]) > 0.3
-
-
-@pytest.mark.closed_loop
-@pytest.mark.parametrize("mirror", [1.0, -1.0])
-def test_a_car_does_not_stop_before_a_slow_one_that_it_has_overtaken(mirror):
-    slow, wall = Obstacle(25.0, -1.2 * mirror, 4.5, 1.8, speed=4.0), Obstacle(110.0, 0.0, 1.0, 12.0)
-    states, _, _ = drive((slow, wall), start=VehicleState(v_x=12.0), duration=30.0)
-    for state in states:
-        middle = slow.s + slow.speed * state.time
-        box = shapely.box(middle - 2.25, slow.l - 0.9, middle + 2.25, slow.l + 0.9)
-        assert footprint(state).distance(box) > 0.1
-    assert states[-1].v_x < 0.1
-    assert 100.0 < states[-1].x + BMW.front_extent < 109.5
-
-
-@pytest.mark.parametrize(("obstacle", "slows"), [
-    (Obstacle(12.0, 0.0, 4.5, 1.8), True),
-    (Obstacle(20.0, 0.0, 4.5, 1.8, speed=-10.0), False),
-])  # fmt: skip
-def test_slows_down_only_for_what_that_helps_against(obstacle, slows):
-    controller = SteeringController(BMW, ROAD, (obstacle,))
-    command = controller.step(good_state(0.0))
-    assert controller.plan.slack_corridor > 0.2
-    assert (command.target_speed < 15.0) == slows
-
-
-def test_the_edge_of_the_road_counts_where_nothing_comes_yet():
-    leaving = VehicleState(v_x=15.0, y=-2.2, yaw=-0.18)
-    far = Obstacle(62.0, 2.2, 4.5, 1.8, speed=-10.0)
-    targets = [SteeringController(BMW, ROAD, boxes).step(leaving).target_speed for boxes in ((), (far,))]
-    assert targets[0] < 15.0
-    assert targets[1] == pytest.approx(targets[0], abs=0.2)
-
-
-@pytest.mark.closed_loop
-def test_a_follower_is_no_reason_to_stop():
-    """Behind a slow car, beside a lane full of oncoming ones, with somebody behind: go on as without him."""
-    lead, behind = Obstacle(16.0, -1.2, 4.5, 1.8, speed=5.0), Obstacle(-12.0, -1.2, 4.5, 1.8, speed=5.0)
-    oncoming = tuple(Obstacle(60.0 + 25.0 * i, 1.8, 4.5, 1.8, speed=-10.0) for i in range(7))
-    start = VehicleState(v_x=5.0, y=-1.2)
-    states, _, _ = drive((lead, behind, *oncoming), ControllerConfig(cruise_speed=12.0), start=start)
-    for state in states:
-        for slow in (lead, behind):
-            middle = slow.s + slow.speed * state.time
-            box = shapely.box(middle - 2.25, slow.l - 0.9, middle + 2.25, slow.l + 0.9)
-            assert footprint(state).distance(box) > 0.5
-    assert min(state.v_x for state in states) > 4.0
-
-
-def test_a_car_that_is_held_up_does_not_turn_into_the_one_beside_it():
-    beside, wall = Obstacle(-1.0, -1.2, 4.5, 1.8, speed=4.0), Obstacle(45.0, 2.0, 1.0, 7.0)
-    config = ControllerConfig(width_left=5.0, width_right=6.0)
-    controller = SteeringController(BMW, ROAD, (beside, wall), config)
-    m = controller._memory
-    m["held_up"], m["obstacles"], m["ids"][0, :1], m["sides"][0, :1] = True, 1, 0, 1
-    controller.step(VehicleState(y=1.4, v_x=15.0))
-    assert controller.plan.sides[0] == 1
-    assert controller.plan.slack_corridor < 0.5
-
-
 def test_whole_numbers_are_road_widths_too():
     plans = []
     for width in (4, 4.0):
@@ -216,85 +96,6 @@ def test_comfortable_braking_where_the_distance_allows_it():
     states, _, _ = drive((Obstacle(100.0, 0.0, 1.0, 12.0),), duration=12.0)
     braking = -np.diff([state.v_x for state in states]) / 0.02
     assert braking.max() < ControllerConfig().comfort_braking + 1.0
-
-
-def good_state(time):
-    return VehicleState(time=time, x=15.0 * time, v_x=15.0)
-
-
-@pytest.mark.parametrize("name", ["time", "x", "y", "yaw", "v_x", "v_y", "yaw_rate", "steer_angle"])
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_input_that_is_not_finite_never_reaches_the_solver(name, value):
-    controller = SteeringController(BMW, ROAD, SINGLE)
-    for k in range(5):
-        controller.step(good_state(0.02 * k))
-    command = controller.step(replace(good_state(0.1), **{name: value}))
-    assert math.isfinite(command.steer_angle)
-    assert command.status is Status.DEGRADED
-    assert controller.plan is not None
-    assert controller.plan.solver_status == "INPUT"
-    assert controller.step(good_state(0.12)).status is Status.TRACKING
-
-
-def test_stale_input_follows_the_shifted_plan_and_then_holds():
-    controller = SteeringController(BMW, ROAD, SINGLE, ControllerConfig(reject_disturbance=False))
-    for k in range(60):
-        controller.step(good_state(0.02 * k))
-    planned = controller.plan
-    assert planned is not None
-    commands = [controller.step(good_state(1.18)) for _ in range(30)]
-    shifted = [c for c in commands if c.status is Status.DEGRADED]
-    assert len(shifted) == round(SHIFTED_PLAN_TIME / 0.02)
-    for k, command in enumerate(shifted):
-        at = 0.02 * (k + 2)
-        assert command.steer_angle == pytest.approx(np.interp(at, planned.states_time, planned.states[:, 5]), abs=2e-3)
-    held = commands[len(shifted) :]
-    assert {c.status for c in held} == {Status.FAULT}
-    assert len({c.steer_angle for c in held}) == 1
-    assert held[-1].target_speed < held[0].target_speed < 15.0
-
-
-def test_bad_input_from_the_first_step_on():
-    controller = SteeringController(BMW, ROAD, SINGLE)
-    command = controller.step(VehicleState(time=math.nan))
-    assert command.status is Status.FAULT
-    assert (command.steer_angle, command.target_speed) == (0.0, 0.0)
-    assert controller.step(good_state(0.0)).status is Status.TRACKING
-
-
-def test_failing_solver_is_survived(monkeypatch):
-    controller = SteeringController(BMW, ROAD, SINGLE)
-    for k in range(20):
-        controller.step(good_state(0.02 * k))
-
-    def stuck(work, _):
-        work["solver_status"] = ITERATION_LIMIT
-        work["z"][:] = math.nan
-        return False
-
-    monkeypatch.setattr(controller, "_first", lambda *a: max(prepare(*a), BOUNDED))  # it is asked in every step
-    monkeypatch.setattr(controller._solver, "solve", stuck)
-    statuses = [controller.step(good_state(0.02 * k)).status for k in range(20, 50)]
-    assert statuses[0] is Status.DEGRADED
-    assert statuses[-1] is Status.FAULT
-    assert controller.plan is not None
-    assert controller.plan.solver_status == "ITERATION_LIMIT"
-    assert not controller.plan.feasible
-    assert np.isfinite(controller.plan.states).all()
-
-
-@settings(max_examples=40, deadline=None)
-@given(
-    st.floats(-8.0, 8.0), st.floats(-math.pi, math.pi), st.floats(-2.0, 40.0), st.floats(-5.0, 5.0),
-    st.floats(-2.0, 2.0), st.floats(-1.0, 1.0), st.floats(-20.0, 220.0),
-)  # fmt: skip
-def test_any_state_gives_a_finite_command(y, yaw, v_x, v_y, yaw_rate, steer, x):
-    controller = SteeringController(BMW, ROAD, DOUBLE)
-    for time in (0.0, 0.02):
-        command = controller.step(VehicleState(time, x, y, yaw, v_x, v_y, yaw_rate, steer))
-        assert math.isfinite(command.steer_angle)
-        assert math.isfinite(command.target_speed)
-        assert abs(command.steer_angle) <= BMW.steer_limit + 0.01
 
 
 @pytest.mark.closed_loop
@@ -337,53 +138,6 @@ def test_starts_outside_the_corridor_come_back(start):
     assert abs(states[-1].y) < 0.05
     assert abs(states[-1].yaw) < 0.02
     assert plans[-1].feasible
-
-
-@pytest.mark.closed_loop
-def test_slow_leader_is_followed_at_a_gap():
-    leader = Obstacle(40.0, 0.0, 4.5, 6.5, speed=5.0)
-    states, commands, plans = drive((leader,), duration=12.0)
-    gaps = [leader.at(s.time).s - 2.25 - s.x - BMW.front_extent for s in states]
-    assert min(gaps) > 1.0
-    assert states[-1].v_x == pytest.approx(5.0, abs=0.3)
-    assert {command.status for command in commands[200:]} == {Status.BLOCKED}
-    assert abs(states[-1].y) < 0.05
-    assert all(plan.feasible for plan in plans)
-
-
-@pytest.mark.closed_loop
-def test_drives_on_when_the_road_clears():
-    crossing = (Obstacle(60.0, -9.0, 2.0, 2.0), Obstacle(45.0, 0.0, 4.5, 7.0, speed=12.0))
-    states, commands, _ = drive(crossing, start=VehicleState(v_x=5.0), config=ControllerConfig(cruise_speed=10.0))
-    assert commands[-1].target_speed == 10.0
-    assert states[-1].v_x > 9.0
-
-
-@pytest.mark.closed_loop
-@pytest.mark.parametrize("distance", [20.0, 25.0, 30.0])
-def test_box_that_appears_late_is_still_passed(distance):
-    box = Obstacle(distance, 0.0, 4.5, 1.8)
-    states, _, _ = drive((box,), duration=5.0)
-    shape = shapely.box(box.s - 2.25, -0.9, box.s + 2.25, 0.9)
-    assert min(footprint(state).distance(shape) for state in states) > 0.15
-
-
-@pytest.mark.closed_loop
-@pytest.mark.parametrize(("distance", "gap"), [(20.0, 0.5), (25.0, 1.0), (60.0, 1.5)])
-def test_wall_that_appears_late_is_braked_for(distance, gap):
-    states, commands, _ = drive((Obstacle(distance + 0.5, 0.0, 1.0, 12.0),), duration=14.0)
-    assert commands[0].status is Status.BLOCKED
-    assert states[-1].v_x < 0.1
-    assert distance - BMW.front_extent - states[-1].x > gap
-
-
-@pytest.mark.parametrize("step", [1e-300, 1e-15, 1e-9, 1e-3, 10.0])
-def test_any_distance_between_states_is_survived(step):
-    controller = SteeringController(BMW, ROAD, SINGLE)
-    for k in range(3):
-        command = controller.step(replace(good_state(0.0), time=k * step, steer_angle=0.01 * k))
-        assert math.isfinite(command.steer_angle)
-        assert command.status is Status.TRACKING
 
 
 @pytest.mark.parametrize("speed", [8.0, -8.0])
@@ -445,15 +199,3 @@ def steady_turn(speed, radius):
     a, b, _ = continuous(BMW, speed)
     beta, steer = np.linalg.solve(np.column_stack([a[2:, 2], b[2:]]), -a[2:, 3] * speed / radius)
     return beta, steer
-
-
-@pytest.mark.parametrize("name", ["x", "y", "yaw", "v_x", "v_y", "yaw_rate", "steer_angle", "time"])
-@pytest.mark.parametrize("value", [1e16, -1e16, 1e308])
-def test_a_state_that_no_car_has_is_refused(name, value):
-    controller = SteeringController(BMW, ROAD, SINGLE)
-    controller.step(good_state(0.0))
-    command = controller.step(replace(good_state(0.02), **{name: value}))
-    assert command.status is Status.DEGRADED
-    assert controller.plan is not None
-    assert controller.plan.solver_status == "INPUT"
-    assert command.target_speed <= 15.0

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from sidestep.fmu.importing.plant import FmuPlant
+from sidestep.fmu.native.plant import native_plant
 from sidestep.plant_models.checks.check_plant import check_plant
 from sidestep.plant_models.linear.plant import LinearPlant, steered
 from sidestep.plant_models.mujoco.plant import MujocoPlant
@@ -154,7 +154,7 @@ CARS = {
         ["the front axle slips 1.3 times as much", "the rear axle slips 1.3 times as much"],
     ),
     "mass on tyres that follow the load": (
-        BMW.with_(mass=1.3 * BMW.mass), partial(FmuPlant.native, model="double-track"),
+        BMW.with_(mass=1.3 * BMW.mass), partial(native_plant, model="double-track"),
         ["the front axle slips 1.2"],
     ),
     "yaw inertia": (
@@ -164,13 +164,13 @@ CARS = {
         BMW.with_(cornering_stiffness_rear=0.7 * BMW.cornering_stiffness_rear), LinearPlant,
         ["the rear axle slips 1.43 times as much"],
     ),
-    "friction": (BMW, partial(FmuPlant.native, friction=0.5), ["friction or tyres are others"]),
+    "friction": (BMW, partial(native_plant, friction=0.5), ["friction or tyres are others"]),
     "friction on four wheels": (
-        BMW, partial(FmuPlant.native, friction=0.5, model="double-track"), ["friction or tyres are others"],
+        BMW, partial(native_plant, friction=0.5, model="double-track"), ["friction or tyres are others"],
     ),
     "friction, MuJoCo": (BMW, partial(MujocoPlant, friction=0.5), ["friction or tyres are others"]),
     "another car": (
-        VehicleParameters.preset("vw-vanagon"), FmuPlant.native,
+        VehicleParameters.preset("vw-vanagon"), native_plant,
         ["the wheelbase of 2.", "the reference point lies 0.1 m behind"],
     ),
 }  # fmt: skip
@@ -220,7 +220,7 @@ def test_a_lag_that_the_report_hides_is_found():
 @pytest.mark.parametrize("kind", ["single-track", "double-track", "mujoco"])
 def test_nothing_is_found_on_our_own_plants(name, kind):
     vehicle = VehicleParameters.preset(name)
-    plant = MujocoPlant(vehicle) if kind == "mujoco" else FmuPlant.native(vehicle, model=kind)
+    plant = MujocoPlant(vehicle) if kind == "mujoco" else native_plant(vehicle, model=kind)
     assert check_plant(plant, vehicle) == []
 
 

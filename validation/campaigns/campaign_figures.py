@@ -45,8 +45,9 @@ def influences(rows: Sequence[Row]) -> list[Influence]:
     margin = rankdata([row["margin_m"] for row in rows])
     found = []
     for key in rows[0]["values"]:
-        values, _ = column(rows, key)
-        found.append(Influence(key, first_order(values, margin), trend(values, margin)))
+        values, names = column(rows, key)
+        direction = 0.0 if names else trend(values, margin)  # names have no order to rise along
+        found.append(Influence(key, first_order(values, margin), direction))
     return sorted(found, key=lambda one: -one.share)
 
 
@@ -94,9 +95,13 @@ def failure_map(rows: Sequence[Row], ranked: Sequence[Influence]) -> Figure:
         shades = Normalize(margin[passed].min(initial=np.inf), margin[passed].max(initial=-np.inf))
         for axes, pair in zip(figure.subplots(1, len(pairs), squeeze=False)[0], pairs, strict=True):
             x, y = (_along(axis, rows, key) for axis, key in zip((axes.xaxis, axes.yaxis), pair, strict=True))
-            axes.scatter(x[passed], y[passed], 16, margin[passed], cmap="viridis", norm=shades, linewidths=0.0,
-                         rasterized=len(rows) > 2000)  # fmt: skip
-            axes.scatter(x[~passed], y[~passed], 34, RED, marker="x", linewidths=1.4, label="not passed")
+            drawn = (
+                axes.scatter(x[passed], y[passed], 16, margin[passed], cmap="viridis", norm=shades, linewidths=0.0,
+                             rasterized=len(rows) > 2000),
+                axes.scatter(x[~passed], y[~passed], 34, RED, marker="x", linewidths=1.4, label="not passed"),
+            )  # fmt: skip
+            for cloud, which in zip(drawn, (passed, ~passed), strict=True):
+                cloud.set_urls([f"#row-{rows[i]['row']}" for i in np.flatnonzero(which).tolist()])
             axes.set_title(f"{pair[1]} over {pair[0]}")
             legend(axes)
         bar = figure.colorbar(ScalarMappable(shades, "viridis"), cax=figure.add_axes((0.935, 0.12, 0.012, 0.8)))

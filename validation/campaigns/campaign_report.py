@@ -18,10 +18,10 @@ from sidestep.validation.judge.findings import Verdict
 from sidestep.validation.report.credibility import write_credibility_report
 from sidestep.validation.report.evidence import Evidence, Table
 from sidestep.validation.report.exports.junit import JunitCase, judged_case
-from sidestep.validation.studies.limits import CONFIDENCE, upper_bound
+from sidestep.validation.studies.limits import CONFIDENCE, deciding_runs, lower_bound, upper_bound
 
-_SHOWN = 12
-"""Rows of the table of the worst runs."""
+SHOWN = 2000
+"""Rows of the table at most, the worst ones: a page stays below 5 MiB."""
 
 
 def summarised(campaign: Campaign, rows: Sequence[Row]) -> dict[str, Any]:
@@ -32,15 +32,19 @@ def summarised(campaign: Campaign, rows: Sequence[Row]) -> dict[str, Any]:
     verdicts = Counter(row["verdict"] for row in rows)
     failures, unknown = verdicts[Verdict.FAIL.value], verdicts[Verdict.INCONCLUSIVE.value]
     allowed = campaign.failure_rate
+    verdict, known = _verdict(len(rows), failures, unknown, allowed), len(rows) - unknown
+    undecided = verdict is Verdict.INCONCLUSIVE
+    needed = deciding_runs(failures, known, allowed) if undecided and allowed is not None else None
     worst = next((row for row in worst_first(rows) if row["margin_m"] is not None), None)
     return {
         "campaign": campaign.name,
-        "verdict": _verdict(len(rows), failures, unknown, allowed).value,
+        "verdict": verdict.value,
         "n": len(rows),
         "failures": failures,
         "inconclusive": unknown,
-        "failure_rate_upper_bound_95": _bound(failures, len(rows) - unknown),
+        "failure_rate_upper_bound_95": _bound(failures, known),
         "failure_rate_allowed": allowed,
+        "deciding_runs": None if needed is None or needed <= known else needed,
         "verdicts": dict(verdicts),
         "labels": dict(Counter(row["label"] for row in rows)),
         "worst_row": worst and worst["row"],
@@ -50,14 +54,17 @@ def summarised(campaign: Campaign, rows: Sequence[Row]) -> dict[str, Any]:
 
 
 def _verdict(n: int, failures: int, unknown: int, allowed: float | None) -> Verdict:
-    """A pass holds even if all that is unknown had failed; a failure, even if all of it had passed."""
-    if _holds(failures + unknown, n, allowed) and unknown < n:
+    """A pass holds even if all that is unknown had failed; a failure, even if all of it had passed.
+
+    Without a rate that is allowed, one failure decides. With one, its bounds do: between them, too few were run.
+    """
+    if unknown == n:
+        return Verdict.INCONCLUSIVE
+    if allowed is None:
+        return Verdict.FAIL if failures else Verdict.INCONCLUSIVE if unknown else Verdict.PASS
+    if _bound(failures + unknown, n) <= allowed:
         return Verdict.PASS
-    return Verdict.INCONCLUSIVE if unknown and _holds(failures, n, allowed) else Verdict.FAIL
-
-
-def _holds(failures: int, runs: int, allowed: float | None) -> bool:
-    return failures == 0 if allowed is None else _bound(failures, runs) <= allowed
+    return Verdict.FAIL if lower_bound(failures, n) > allowed else Verdict.INCONCLUSIVE
 
 
 def _bound(failures: int, runs: int) -> float:
@@ -69,14 +76,29 @@ def sentence(summary: dict[str, Any]) -> str:
     bar = summary["failure_rate_allowed"]
     bound = float(f"{100.0 * summary['failure_rate_upper_bound_95']:.2g}")  # 100, not 1e+02
     words = (
-        f"{summary['verdict'].upper()}: {summary['n']} runs, {summary['failures']} failures, "
+        f"{summary['verdict'].upper()}: {counted_noun(summary['n'], 'run')}, "
+        f"{counted_noun(summary['failures'], 'failure')}, "
         f"{summary['inconclusive']} inconclusive, failure rate at most "
         f"{bound:g} % with {100.0 * CONFIDENCE:.0f} % confidence"
     )
     words += "" if bar is None else f" (allowed: {100.0 * bar:.2g} %)"
+    if summary["verdict"] == Verdict.INCONCLUSIVE.value:
+        words += f"; {_undecided(summary)}"
     if summary["worst_row"] is not None:
         words += f"; smallest clearance {summary['worst_margin_m']:.3f} m in row {summary['worst_row']}"
     return words
+
+
+def counted_noun(count: int, noun: str) -> str:
+    """1 run, 2 runs."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def _undecided(summary: dict[str, Any]) -> str:
+    """What would decide."""
+    if (needed := summary["deciding_runs"]) is None:
+        return "what is inconclusive has to be decided first"
+    return f"{needed} conclusive runs would decide, if the same share of them failed"
 
 
 def worst_first(rows: Sequence[Row]) -> list[Row]:
@@ -105,10 +127,13 @@ def write_campaign_report(
 
 def _evidence(campaign: Campaign, rows: Sequence[Row]) -> list[Evidence]:
     ranked = influences(rows)
-    worst = Evidence(
-        "Runs with the least clearance",
-        "Each of them runs again, to the last bit: sidestep run --from campaign.jsonl:ROW",
-        table=_worst_table(rows, ranked),
+    worst = worst_first(rows)
+    left_out = f" Here are the {SHOWN} worst of {len(rows)}." if len(rows) > SHOWN else ""
+    runs = Evidence(
+        "Runs",
+        "Failures first, then what shows nothing, then passes, each by their clearance. Each of them runs again, to "
+        "the last bit, by its command, given in the campaign's own folder. On paper: the first 40." + left_out,
+        table=_runs_table(worst[:SHOWN], ranked),
     )
     labels = Counter(row["label"] for row in rows)
     outcomes = Evidence(
@@ -120,7 +145,7 @@ def _evidence(campaign: Campaign, rows: Sequence[Row]) -> list[Evidence]:
         table=Table(("outcome", "runs"), tuple((label, str(count)) for label, count in labels.most_common())),
     )
     if not any(row["margin_m"] is not None for row in rows):
-        return [outcomes, worst]
+        return [outcomes, runs]
     buffer = scenario_of(campaign, cases(campaign)[0]).controller.buffer
     drawn = [Evidence("Clearance", _CLEARANCE, clearance_figure(rows, buffer)), outcomes]
     if ranked:
@@ -128,13 +153,13 @@ def _evidence(campaign: Campaign, rows: Sequence[Row]) -> list[Evidence]:
             Evidence("Where it fails", _MAP, failure_map(rows, ranked)),
             Evidence("What matters", _RANKING, ranking_figure(ranked)),
         ]
-    return [*drawn, worst]
+    return [*drawn, runs]
 
 
 _CLEARANCE = "Signed distance of the true outlines, every 10 ms or less, by code that the controller does not share."
 _MAP = (
     "Every run over the parameters that tell failed from passed runs best (Kolmogorov-Smirnov distance), or, without "
-    "failures, that explain most; two pairs of them where there are four."
+    "failures, that explain most; two pairs of them where there are four. A point leads to its row."
 )
 _RANKING = (
     "First-order Sobol index of the runs' ranks by clearance, estimated by bins of equal count and corrected for "
@@ -142,10 +167,10 @@ _RANKING = (
 )
 
 
-def _worst_table(rows: Sequence[Row], ranked: Sequence[Influence]) -> Table:
+def _runs_table(rows: Sequence[Row], ranked: Sequence[Influence]) -> Table:
     keys = [one.key for one in ranked[:5]]
     return Table(
-        ("row", "verdict", "outcome", "clearance [m]", *keys),
+        ("row", "verdict", "outcome", "clearance [m]", *keys, "again"),
         tuple(
             (
                 str(row["row"]),
@@ -153,9 +178,12 @@ def _worst_table(rows: Sequence[Row], ranked: Sequence[Influence]) -> Table:
                 row["error"] or row["label"],
                 "–" if row["margin_m"] is None else f"{row['margin_m']:.3f}",
                 *(_short(row["values"][key]) for key in keys),
+                f"sidestep run --from campaign.jsonl:{row['row']}",
             )
-            for row in worst_first(rows)[:_SHOWN]
+            for row in rows
         ),
+        anchor="row",
+        commands=True,
     )
 
 

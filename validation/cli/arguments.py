@@ -7,6 +7,9 @@ from typing import Any
 
 from sidestep.plant_models.errors import InputError
 
+PLANTS = "linear, single-track, double-track, mujoco, an .fmu file, a MuJoCo .xml, or MODULE:FACTORY"
+"""What `--plant` takes. Not made from the registry of plants: help loads nothing heavy; a test compares the two."""
+
 
 def whole_number(text: str) -> int:
     """A whole number above 0.

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.cli.arguments import positive_number, refuse_beside, seed, whole_number
+from sidestep.validation.cli.arguments import PLANTS, positive_number, refuse_beside, seed, whole_number
 from sidestep.validation.cli.bus_maps import add_bus_map, described
 
 if TYPE_CHECKING:
@@ -27,9 +27,7 @@ def add_can(commands: argparse._SubParsersAction) -> None:
     parts = can.add_subparsers(title="commands", required=True, metavar="COMMAND")
     drive = _node(parts, "drive", "the controller as a node: state in, steering out, every 10 ms", _drive)
     plant = _node(parts, "plant", "plant, steering actuator and sensors as a node", _plant)
-    plant.add_argument(
-        "--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, an .fmu file, or MODULE:FACTORY"
-    )
+    plant.add_argument("--plant", metavar="PLANT", help=PLANTS)
     plant.set_defaults(isolate=None)
     for part in (drive, plant):
         part.add_argument(

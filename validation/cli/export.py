@@ -26,8 +26,8 @@ def add_export(commands: argparse._SubParsersAction) -> None:
 
 
 def _export_c(options: argparse.Namespace) -> int:
+    from sidestep.fmu.compiling.platforms import HOST, all_platforms
     from sidestep.fmu.exporting.library import export_library
-    from sidestep.fmu.native.platforms import HOST, all_platforms
     from sidestep.validation.scenarios.scenario import load_scenario
 
     scene = load_scenario(options.scenario, options.overrides)

@@ -75,11 +75,11 @@ def _build(options: argparse.Namespace) -> int:
 
 
 def _export(options: argparse.Namespace) -> int:
+    from sidestep.fmu.compiling.platforms import HOST, all_platforms
+    from sidestep.fmu.description.plants import MODELS
     from sidestep.fmu.exporting.export import export_controller, start_plant
     from sidestep.fmu.exporting.ssp import write_ssp
     from sidestep.fmu.native.build import write_to
-    from sidestep.fmu.native.plants import MODELS
-    from sidestep.fmu.native.platforms import HOST, all_platforms
     from sidestep.validation.files import check_file
     from sidestep.validation.scenarios.plant_settings import PlantSettings
     from sidestep.validation.scenarios.scenario import load_scenario

@@ -4,7 +4,7 @@ import argparse
 import time
 from pathlib import Path
 
-from sidestep.validation.cli.arguments import add_jobs, positive_number, seed, whole_number
+from sidestep.validation.cli.arguments import PLANTS, add_jobs, positive_number, seed, whole_number
 
 
 def add_limits(commands: argparse._SubParsersAction) -> None:
@@ -17,8 +17,7 @@ def add_limits(commands: argparse._SubParsersAction) -> None:
 
 def _add(below: argparse._SubParsersAction, name: str, text: str, plant: str | None) -> argparse.ArgumentParser:
     parser = below.add_parser(name, help=text)
-    text = "linear, single-track, double-track, mujoco, an .fmu file, or MODULE:FACTORY; default: %(default)s"
-    default = {"default": plant, "help": text}
+    default = {"default": plant, "help": f"{PLANTS}; default: %(default)s"}
     if plant is None:
         default = {"help": "only this one; default: single-track and mujoco"}
     parser.add_argument("--plant", metavar="PLANT", **default)

@@ -14,10 +14,9 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from io import TextIOWrapper
 from pathlib import Path
-from typing import NoReturn
 
 from sidestep.plant_models.errors import InputError, PlantError
-from sidestep.validation.cli.arguments import positive_number
+from sidestep.validation.cli.arguments import PLANTS, positive_number
 from sidestep.validation.cli.bus_maps import add_bus_map, described, split_maps
 from sidestep.validation.cli.campaign import add_campaign
 from sidestep.validation.cli.can import add_can
@@ -26,15 +25,12 @@ from sidestep.validation.cli.export import add_export
 from sidestep.validation.cli.fmu import add_fmu
 from sidestep.validation.cli.limits import add_limits
 from sidestep.validation.cli.scenarios import add_import, add_scenarios
+from sidestep.validation.cli.shell.completion import add_completion
+from sidestep.validation.cli.shell.parser import BAD_INPUT, Parser
 from sidestep.validation.cli.validate import add_validate
 from sidestep.validation.cli.vehicles import add_vehicles
 
-FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        self.exit(BAD_INPUT, f"sidestep: {message} (see {self.prog} --help)\n")
+FAILED, INTERRUPTED = 1, 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -76,7 +72,7 @@ def _status(arguments: Sequence[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
+    parser = Parser(
         prog="sidestep", description="Obstacle avoidance by corridor planning and MPC, on plants and on CAN."
     )
     parser.add_argument("--version", action="version", version=version("sidestep"))
@@ -84,6 +80,7 @@ def _parser() -> argparse.ArgumentParser:
     own = (_add_demo, _add_run, add_scenarios, add_import, add_vehicles, add_validate, add_campaign, _add_bench)
     for add in (*own, add_compare, add_golden, add_limits, add_fmu, add_export, add_can):
         add(commands)
+    add_completion(commands, parser)
     return parser
 
 
@@ -103,10 +100,11 @@ def _add_run(commands: argparse._SubParsersAction) -> None:
         help="a name that `sidestep scenarios` lists, a TOML file, a CommonRoad .xml or an OpenSCENARIO .xosc file",
     )
     what.add_argument("--from", dest="row", metavar="FILE.jsonl:ROW", help="a row of a campaign, exactly as it was")
+    run.add_argument("--plant", metavar="PLANT", help=PLANTS)
     run.add_argument(
-        "--plant", metavar="PLANT", help="linear, single-track, double-track, mujoco, an .fmu file, or MODULE:FACTORY"
+        "--controller", metavar="MODULE:FACTORY", help="a controller of your own, with ours to take over; default: ours"
     )
-    add_bus_map(run, "; and that of an FMU that is not ours")
+    add_bus_map(run, "; and that of an FMU or a MuJoCo model that is not ours")
     run.add_argument(
         "--isolate", type=positive_number, nargs="?", const=5.0, metavar="SECONDS",
         help="run an FMU in a process of its own, with this time limit a step (default: %(const)s)",
@@ -203,10 +201,14 @@ def _run(options: argparse.Namespace) -> int:
 
 def plant_overrides(options: argparse.Namespace) -> list[str]:
     """What `--plant` and `--map` change in the scenario file."""
+    from sidestep.validation.scenarios.plant_settings import FILES
+
     overrides = []
     if options.plant is not None:
-        plant = str(Path(options.plant).absolute()) if options.plant.endswith(".fmu") else options.plant
+        plant = str(Path(options.plant).absolute()) if options.plant.endswith(FILES) else options.plant
         overrides.append(f"plant.kind={json.dumps(plant)}")
+    if getattr(options, "controller", None) not in (None, "default"):
+        overrides.append(f"controller.kind={json.dumps(options.controller)}")
     given = options.map if isinstance(options.map, list) else [options.map] if options.map else []
     _, maps = split_maps([str(name) for name in given])
     if maps:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.cli.arguments import add_jobs, refuse_beside
+from sidestep.validation.cli.arguments import PLANTS, add_jobs, refuse_beside
 
 
 def add_validate(commands: argparse._SubParsersAction) -> None:
@@ -40,8 +40,7 @@ def add_validate(commands: argparse._SubParsersAction) -> None:
 
 
 def _add_plant(parser: argparse.ArgumentParser, plant: str) -> None:
-    kinds = "linear, single-track, double-track, mujoco, an .fmu file, or MODULE:FACTORY; default: %(default)s"
-    parser.add_argument("--plant", default=plant, metavar="PLANT", help=kinds)
+    parser.add_argument("--plant", default=plant, metavar="PLANT", help=f"{PLANTS}; default: %(default)s")
     parser.add_argument("--map", type=Path, metavar="MAP.toml", help="mapping file of an FMU or a log that is not ours")
     parser.set_defaults(default_plant=plant)
     parser.add_argument(

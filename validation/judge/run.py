@@ -9,7 +9,7 @@ from sidestep.validation.loop.recording import End, Recording
 from sidestep.validation.scenarios.scenario import Scenario
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Run:
     """A finished run.
 
@@ -26,6 +26,9 @@ class Run:
     judgement: Judgement
     summary: dict[str, Any]
     folder: Path
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.scenario.name!r} on {self.scenario.plant.name}, {self.judgement!r})"
 
     @property
     def interrupted(self) -> bool:

@@ -34,6 +34,7 @@ def summarise(scenario: Scenario, recording: Recording, judgement: Judgement, **
         "plant": scenario.plant.name,
         "estimated_signals": list(recording.estimated),
         "preset": scenario.controller_preset,
+        "controller": scenario.controller_kind or "sidestep",
         "verdict": judgement.verdict.value,
         "label": judgement.label,
         "detail": judgement.detail,

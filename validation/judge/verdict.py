@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sidestep.plant_models.notebook import facts_table
 from sidestep.validation.geometry import Array, car_boxes, edge_clearance, obstacle_boxes, signed_clearance
 from sidestep.validation.judge.feasibility import way_past
 from sidestep.validation.judge.findings import Finding, Verdict
@@ -43,7 +44,7 @@ class Decision(NamedTuple):
     detail: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Judgement:
     """What became of a run.
 
@@ -78,6 +79,17 @@ class Judgement:
     findings: tuple[Finding, ...] = ()
     broke_off: bool = False
     contact: bool = False
+
+    def __repr__(self) -> str:
+        gap = "no obstacle" if self.min_clearance is None else f"clearance {self.min_clearance:.3f} m"
+        return f"Judgement({self.verdict.value}: {self.label}, {gap})"
+
+    def _repr_html_(self) -> str:
+        gap = "–" if self.min_clearance is None else f"{self.min_clearance:.3f} m at {self.time:.2f} s"
+        facts = [("reason", self.detail or self.label), ("smallest clearance", gap),
+                 ("clearance to the road's edge", f"{self.min_edge_clearance:.3f} m"),
+                 *((finding.label, finding.text) for finding in self.findings)]  # fmt: skip
+        return facts_table(f"{self.verdict.value}: {self.label}", facts)
 
     @property
     def verdict(self) -> Verdict:

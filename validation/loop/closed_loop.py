@@ -8,11 +8,13 @@ import math
 from contextlib import nullcontext
 
 from sidestep.controller import SteeringController
+from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import FOREVER, Obstacle
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.validation.loop.cosimulation import Controller, Coupling, Port, cosimulate
 from sidestep.validation.loop.measurement import ImperfectMeasurement, sensed
+from sidestep.validation.loop.own_controller import OwnController, with_own
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.scenarios.scenario import Scenario
@@ -21,7 +23,22 @@ _BEHIND = -1e6  # where no obstacle matters any more, in [m]
 
 
 def bare_controller(scenario: Scenario) -> SteeringController:
-    """The scenario's controller; whoever gives it the state stands for the sensors."""
+    """The scenario's controller, which has to be ours; whoever gives it the state stands for the sensors.
+
+    Raises:
+        InputError: The scenario names another one, which only drives and campaigns take.
+    """
+    if scenario.controller_kind:
+        raise InputError("controller.kind", f"{scenario.controller_kind!r} does not drive here", "our own controller")
+    return _ours(scenario)
+
+
+def driving_controller(scenario: Scenario) -> SteeringController | OwnController:
+    """The scenario's controller, ours or somebody else's with ours beside it, in front of the sensors."""
+    return with_own(_ours(scenario), scenario)
+
+
+def _ours(scenario: Scenario) -> SteeringController:
     moving = any(o.moves and (o.trajectory or o.appears > 0.0 or o.vanishes < FOREVER) for o in scenario.obstacles)
     kind = SeesPresent if moving else SteeringController
     return kind(scenario.vehicle, scenario.path, scenario.obstacles, scenario.controller)
@@ -45,9 +62,9 @@ def _as_if_constant(obstacle: Obstacle, time: float) -> tuple[float, ...]:
     return now.s - now.speed * time, now.l, now.length, now.width, now.heading, now.speed
 
 
-def open_controller(scenario: Scenario) -> SteeringController | ImperfectMeasurement:
+def open_controller(scenario: Scenario) -> SteeringController | OwnController | ImperfectMeasurement:
     """The scenario's controller, behind its sensors."""
-    return sensed(bare_controller(scenario), scenario)
+    return sensed(driving_controller(scenario), scenario)
 
 
 def closed_loop(

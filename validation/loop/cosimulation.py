@@ -164,7 +164,8 @@ class _Run:
             (
                 state.time, state.x, state.y, state.yaw, state.v_x, state.v_y, state.yaw_rate, state.steer_angle,
                 s, l, math.remainder(state.yaw - heading, math.tau),
-                command.steer_angle, received.steer_angle, received.target_speed, float(received.status),
+                command.steer_angle, received.steer_angle, received.target_speed,
+                received.acceleration, float(received.status),
             )
         )  # fmt: skip
 

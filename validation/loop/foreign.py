@@ -15,8 +15,9 @@ from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.vehicle.table import WHOLE
 from sidestep.validation.loop.cosimulation import PLANT_STEP
+from sidestep.validation.scenarios.own_car import told_car
 from sidestep.validation.scenarios.plant_settings import PlantSettings
-from sidestep.validation.scenarios.scenario import Scenario, told_car
+from sidestep.validation.scenarios.scenario import Scenario
 from sidestep.validation.scenarios.tables import file_at
 
 TIME_LIMIT = 30.0
@@ -24,7 +25,7 @@ TIME_LIMIT = 30.0
 
 
 def is_foreign(settings: PlantSettings) -> bool:
-    """Whether the plant is somebody else's."""
+    """Whether the plant is somebody else's FMU."""
     return settings.kind.endswith(".fmu")
 
 
@@ -40,6 +41,10 @@ def plant_doubts(scenario: Scenario, build: Callable[[], Plant] | None = None) -
         PlantError: It cannot start or go on.
     """
     settings = scenario.plant
+    if settings.kind.endswith(".xml"):
+        from sidestep.validation.loop.model_doubts import model_doubts
+
+        return model_doubts(scenario)
     if not is_foreign(settings):
         return []
     from sidestep.fmu.importing.isolation import IsolatedPlant

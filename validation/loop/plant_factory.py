@@ -30,13 +30,14 @@ def installed_plants() -> dict[str, str]:
     return {point.name: point.value for point in entry_points(group=GROUP)}
 
 
-def factory_of(kind: str) -> Callable[..., Any]:
+def factory_of(kind: str, place: str = "plant.kind") -> Callable[..., Any]:
     """The factory that `kind` names.
 
     Modules are found as in Python, from the working directory too.
 
     Args:
         kind: `package.module:factory`, or the name of an entry point.
+        place: What errors call it.
 
     Raises:
         InputError: No such module or factory, or the module cannot be imported.
@@ -48,20 +49,20 @@ def factory_of(kind: str) -> Callable[..., Any]:
     try:
         found: Any = importlib.import_module(module)
     except Exception as error:
-        raise InputError(
-            "plant.kind", f"{kind!r}: cannot import {module!r} ({error})", "package.module:factory"
-        ) from error
+        raise InputError(place, f"{kind!r}: cannot import {module!r} ({error})", "package.module:factory") from error
     for part in path.split("."):
         if not hasattr(found, part):
-            raise InputError("plant.kind", f"{kind!r}: {module!r} has no {path!r}", "package.module:factory")
+            raise InputError(place, f"{kind!r}: {module!r} has no {path!r}", "package.module:factory")
         found = getattr(found, part)
     if not callable(found):
-        raise InputError("plant.kind", f"{kind!r} cannot be called", "a class or a function that returns a plant")
+        raise InputError(place, f"{kind!r} cannot be called", "a class or a function")
     return found
 
 
-def taken(factory: Callable[..., Any], kind: str) -> tuple[str, ...]:
-    """Which of OFFERED a factory takes.
+def taken(
+    factory: Callable[..., Any], kind: str, place: str = "plant.kind", every: tuple[str, ...] = OFFERED
+) -> tuple[str, ...]:
+    """Which of the arguments that are offered a factory takes.
 
     Raises:
         InputError: It asks for something else.
@@ -69,13 +70,13 @@ def taken(factory: Callable[..., Any], kind: str) -> tuple[str, ...]:
     try:
         parameters = inspect.signature(factory).parameters.values()
     except (TypeError, ValueError):
-        return OFFERED
+        return every
     if any(p.kind is p.VAR_KEYWORD for p in parameters):
-        return OFFERED
+        return every
     needed = [p.name for p in parameters if p.default is p.empty and p.kind is not p.VAR_POSITIONAL]
-    if unknown := [name for name in needed if name not in OFFERED]:
-        raise InputError("plant.kind", f"{kind!r} asks for {unknown[0]!r}", ", ".join(OFFERED))
-    return tuple(p.name for p in parameters if p.name in OFFERED)
+    if unknown := [name for name in needed if name not in every]:
+        raise InputError(place, f"{kind!r} asks for {unknown[0]!r}", ", ".join(every))
+    return tuple(p.name for p in parameters if p.name in every)
 
 
 def plant_of(kind: str, **offered: Any) -> Plant:

@@ -1,6 +1,7 @@
 """The plant that a scenario asks for: one registry, in which the kinds that come with the package are entries.
 
-A further one is an entry of `BUILT_IN`, an .fmu file, or a factory of somebody else's, see `plant_factory`.
+A further one is an entry of `BUILT_IN`, of `BY_ENDING` if it is a file, or a factory of somebody else's, see
+`plant_factory`.
 """
 
 from collections.abc import Callable
@@ -27,10 +28,12 @@ class PlantKind:
     Attributes:
         build: Makes the plant of a scenario for the car that is driven.
         knows: Fields of `PlantSettings` that make a difference to it, beyond those that hold for every plant.
+        is_scene: Whether it is a scene of MuJoCo's, which can be looked at.
     """
 
     build: Callable[[Scenario, VehicleParameters], Plant]
     knows: tuple[str, ...] = ()
+    is_scene: bool = False
 
 
 def _linear(_: Scenario, vehicle: VehicleParameters) -> Plant:
@@ -40,9 +43,9 @@ def _linear(_: Scenario, vehicle: VehicleParameters) -> Plant:
 
 
 def _native(scenario: Scenario, vehicle: VehicleParameters) -> Plant:
-    from sidestep.fmu.importing.plant import FmuPlant
+    from sidestep.fmu.native.plant import native_plant
 
-    return FmuPlant.native(vehicle, friction=scenario.plant.friction, model=scenario.plant.kind)
+    return native_plant(vehicle, friction=scenario.plant.friction, model=scenario.plant.kind)
 
 
 def _mujoco(scenario: Scenario, vehicle: VehicleParameters) -> Plant:
@@ -65,6 +68,17 @@ def _foreign(scenario: Scenario, vehicle: VehicleParameters) -> Plant:
     return IsolatedPlant(build, settings.isolate) if settings.isolate else build()
 
 
+def _mjcf(scenario: Scenario, vehicle: VehicleParameters) -> Plant:
+    from sidestep.plant_models.mujoco.foreign.car_map import CarMap
+    from sidestep.plant_models.mujoco.foreign.plant import MjcfPlant
+
+    settings = scenario.plant
+    told = CarMap.from_file(file_at(Path(), settings.map, "plant.map")) if settings.map else None
+    return MjcfPlant(
+        Path(settings.kind), told, vehicle, scenario.path, scenario.obstacles, settings.friction, settings.surface
+    )
+
+
 def _by_name(scenario: Scenario, vehicle: VehicleParameters) -> Plant:
     settings = scenario.plant
     return plant_of(
@@ -78,31 +92,35 @@ BUILT_IN: dict[str, PlantKind] = {
     "linear": PlantKind(_linear, _CAR),
     "single-track": PlantKind(_native, ("friction", *_CAR)),
     "double-track": PlantKind(_native, ("friction", *_CAR, *_ROLLS)),
-    "mujoco": PlantKind(_mujoco, ("friction", *_CAR, *_ROLLS, *_ROAD)),
+    "mujoco": PlantKind(_mujoco, ("friction", *_CAR, *_ROLLS, *_ROAD), is_scene=True),
 }
 """Plants that come with the package."""
 PLANT_KINDS = tuple(BUILT_IN)
 ROLLING = tuple(name for name, kind in BUILT_IN.items() if "roll_centre" in kind.knows)
 """Those with springs."""
-_FMU = PlantKind(_foreign, ("friction", "map", "isolate"))
+BY_ENDING: dict[str, PlantKind] = {
+    ".fmu": PlantKind(_foreign, ("friction", "map", "isolate")),
+    ".xml": PlantKind(_mjcf, ("friction", "map", "grade", "bank"), is_scene=True),
+}
+"""Plants that are files, see `plant_settings.FILES`."""
 _OUTSIDE = PlantKind(_by_name, ("friction", *_CAR))
 
 
 def plant_kind(name: str) -> PlantKind:
-    """The entry of a kind: a built-in one, an .fmu file, `module:factory`, or an installed package's entry point.
+    """The entry of a kind: a built-in one, a file's by its ending, `module:factory`, an entry point's.
 
     Raises:
         InputError: There is none.
     """
     if name in BUILT_IN:
         return BUILT_IN[name]
-    if name.endswith(".fmu"):
-        return _FMU
+    if ending := next((ending for ending in BY_ENDING if name.endswith(ending)), None):
+        return BY_ENDING[ending]
     if ":" in name or name in installed_plants():
         return _OUTSIDE
     known = (*PLANT_KINDS, *installed_plants())
     problem = f"unknown plant {name!r}{did_you_mean(name, known)}"
-    raise InputError("plant.kind", problem, f"{', '.join(known)}, an .fmu file, or package.module:factory")
+    raise InputError("plant.kind", problem, f"{', '.join(known)}, an .fmu or .xml file, or package.module:factory")
 
 
 def open_plant(scenario: Scenario) -> Plant:
@@ -126,7 +144,8 @@ def _require_known(settings: PlantSettings, kind: PlantKind) -> None:
     for f in fields(PlantSettings):
         if f.name in (*_COMMON, *kind.knows) or getattr(settings, f.name) == f.default:
             continue
-        others = [name for name, other in (*BUILT_IN.items(), ("an .fmu file", _FMU)) if f.name in other.knows]
+        files = ((f"a {ending} file", kind) for ending, kind in BY_ENDING.items())
+        others = [name for name, other in (*BUILT_IN.items(), *files) if f.name in other.knows]
         raise InputError(
             f"plant.{f.name}", f"{getattr(settings, f.name)}: the plant {settings.name} does not know it",
             f"only with {', '.join(others)}",

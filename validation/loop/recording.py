@@ -5,14 +5,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.notebook import facts_table
 from sidestep.validation.files import complete
 from sidestep.validation.loop.start import Departure
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 Array = NDArray[np.float64]
 
@@ -31,6 +35,7 @@ SAMPLE_UNITS = {
     "steer_command": "rad",  # as the controller gave it
     "steer_received": "rad",  # as it came off the bus, held over the step that begins here
     "target_speed": "m/s",
+    "acceleration": "m/s^2",  # as commanded and received; nan for none
     "status": "-",
     "lateral_acceleration": "m/s^2",
     "steer_rate": "rad/s",
@@ -69,7 +74,7 @@ class End(Enum):
 _CSV = "a CSV of numbers as sidestep wrote it"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Recording:
     """A run, complete up to where it ended.
 
@@ -97,6 +102,31 @@ class Recording:
 
     def __getitem__(self, column: str) -> Array:
         return self.samples[column]
+
+    def __repr__(self) -> str:
+        rows, end = len(self.samples["time"]), self.end.value
+        return f"Recording({self.samples['time'][-1]:.2f} s, {rows} samples, {len(self.plans)} plans, {end})"
+
+    def _repr_html_(self) -> str:
+        ranges = [
+            (f"{name} [{self.units[name]}]", f"{values.min():.4g} to {values.max():.4g}")
+            for name, values in self.samples.items()
+        ]
+        return facts_table(repr(self), ranges)
+
+    def to_pandas(self) -> "DataFrame":
+        """The samples as a table of pandas, a column a signal; `attrs["units"]` has the columns' units.
+
+        Raises:
+            InputError: pandas is not installed.
+        """
+        try:
+            from pandas import DataFrame
+        except ImportError as error:
+            raise InputError("to_pandas", "pandas is not installed", "pip install 'sidestep[pandas]'") from error
+        table = DataFrame(dict(self.samples))
+        table.attrs["units"] = self.units
+        return table
 
     @property
     def units(self) -> dict[str, str]:

@@ -13,6 +13,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from sidestep.plant_models.vehicle.checks import GRAVITY
+
 Array = NDArray[np.float64]
 
 
@@ -136,7 +138,7 @@ class Manoeuvre:
         return replace(self, lateral_acceleration=-self.lateral_acceleration, bend=-self.bend, radius=radius)
 
 
-_A_03 = 0.3 * 9.81  # FMVSS 126 relates the amplitude to the angle at 0.3 g
+_A_03 = 0.3 * GRAVITY  # FMVSS 126 relates the amplitude to the angle at 0.3 g
 
 MANOEUVRES: dict[str, tuple[Manoeuvre, ...]] = {
     manoeuvres[0].name: manoeuvres

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from sidestep.plant_models.vehicle.parameters import VehicleParameters
+from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 from sidestep.validation.manoeuvres.catalogue import Manoeuvre
 from sidestep.validation.manoeuvres.frequency_response import LEAST_COHERENCE, frequency_response
 from sidestep.validation.manoeuvres.metrics import (
@@ -41,7 +41,7 @@ def figures_of(manoeuvre: Manoeuvre, response: Response, vehicle: VehicleParamet
 
 
 def _figures(manoeuvre: Manoeuvre, response: Response, vehicle: VehicleParameters) -> Sequence[tuple[str, float, str]]:
-    degrees, per_g = 180.0 / math.pi, 9.81 * 180.0 / math.pi
+    degrees, per_g = 180.0 / math.pi, GRAVITY * 180.0 / math.pi
     if manoeuvre.name in ("slowly-increasing-steer", "constant-radius"):
         found = gradients(response, vehicle)
         names = ("understeer gradient", "sideslip gradient", "roll gradient")

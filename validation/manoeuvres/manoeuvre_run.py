@@ -6,7 +6,7 @@ from pathlib import Path
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-from sidestep.validation.console import coloured
+from sidestep.validation.console import coloured, new_table, show
 from sidestep.validation.files import made, written_to
 from sidestep.validation.judge.findings import Verdict
 from sidestep.validation.loop.plants import open_plant
@@ -19,7 +19,6 @@ from sidestep.validation.manoeuvres.scene import open_loop_scenario
 from sidestep.validation.report.exports.junit import judged_case, write_junit
 from sidestep.validation.report.style import write_figure
 from sidestep.validation.scenarios.library import built_in_scenarios
-from sidestep.validation.studies.limits import new_table, show
 
 
 def list_manoeuvres() -> int:

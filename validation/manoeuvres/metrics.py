@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sidestep.plant_models.errors import InputError
-from sidestep.plant_models.vehicle.parameters import VehicleParameters
+from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 from sidestep.validation.manoeuvres.open_loop import Response
 
 Array = NDArray[np.float64]
 
-GRADIENT_RANGE = (0.2 * 9.81, 0.4 * 9.81)
+GRADIENT_RANGE = (0.2 * GRAVITY, 0.4 * GRAVITY)
 """Lateral acceleration over which gradients are taken, in [m/s^2]."""
 STEADY_TIME = 1.0
 """End of a step response that counts as steady, in [s]."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.plant import Plant
+from sidestep.validation.console import new_table, show
 from sidestep.validation.files import made, write_text, written_to
 from sidestep.validation.judge.summary import strict_json
 from sidestep.validation.loop.plants import open_plant
@@ -36,7 +37,6 @@ from sidestep.validation.report.evidence import Evidence, Table
 from sidestep.validation.report.exports.junit import JunitCase, write_junit
 from sidestep.validation.report.style import write_figure
 from sidestep.validation.scenarios.scenario import Scenario
-from sidestep.validation.studies.limits import new_table, show
 
 REQUIRED, SLOWEST = 3.0, 7.5
 """The controller's model must hold up to this lateral acceleration [m/s^2] from this speed [m/s] on, on a dry road."""

@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from sidestep.validation.console import new_table, show
 from sidestep.validation.files import written_to
 from sidestep.validation.model_error.mujoco.checks import Check, validate_mujoco
 from sidestep.validation.model_error.mujoco.drive import long_drive
 from sidestep.validation.report.evidence import Evidence, Table
 from sidestep.validation.report.exports.junit import JunitCase
 from sidestep.validation.report.style import write_figure
-from sidestep.validation.studies.limits import new_table, show
 
 
 def checks_of(plant: str) -> list[Check]:

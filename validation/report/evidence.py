@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from markupsafe import Markup
 from matplotlib.figure import Figure
 
 
@@ -12,10 +13,14 @@ class Table:
     Attributes:
         columns: Heads, with units.
         rows: As many cells each as there are heads.
+        anchor: If given, a row is found under this and its first cell, such as #row-12.
+        commands: Whether the last cell of each row is a command to be copied.
     """
 
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    anchor: str = ""
+    commands: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,6 +31,7 @@ class Evidence:
         title: In a few words.
         note: What it means and how it was got; blank lines part paragraphs.
         figure: Drawn in the look of `style.styled`.
+        scene: What `scene_data` gives, if the figure is a view from above.
         table: The numbers behind it.
         passed: Whether it meets its bar; None where there is none.
         section: Heading above it and what follows; empty to stay under the one before.
@@ -37,6 +43,7 @@ class Evidence:
     table: Table | None = None
     passed: bool | None = None
     section: str = ""
+    scene: Markup | None = None
 
     @property
     def verdict(self) -> str:

@@ -7,7 +7,7 @@ import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from PIL import Image
@@ -23,6 +23,9 @@ SIZE = (540, 960)
 
 _LIBRARIES = {"egl": "libegl1 libgl1-mesa-dri", "osmesa": "libosmesa6"}
 _GIF_WIDTH = 640
+_USUAL_LENGTH, _NEAREST = 4.5, 0.2  # car for which the camera's places are, in [m]; least share of its distance
+NEEDED = "--plant mujoco or a MuJoCo model (.xml), without plant.steer_offset and plant.delay"
+"""The plants that can be looked at."""
 
 
 class Thinking(Protocol):
@@ -34,6 +37,19 @@ class Thinking(Protocol):
         ...
 
 
+@runtime_checkable
+class Scene(Protocol):
+    """What camera and viewer need of a plant: MuJoCo's model and data."""
+
+    model: Any
+    data: Any
+
+    @property
+    def spot(self) -> tuple[float, float, float, float]:
+        """Where the car is: x, y, z [m] and yaw [rad]."""
+        ...
+
+
 class Camera:
     """Pictures of a MuJoCo plant from behind the car."""
 
@@ -41,7 +57,7 @@ class Camera:
         """Open an OpenGL context.
 
         Args:
-            plant: A MujocoPlant.
+            plant: A `Scene`.
             size: Height and width, in [pixel].
 
         Raises:
@@ -64,13 +80,11 @@ class Camera:
         from sidestep.validation.report.scene import draw_plan
 
         model, data, view = self._plant.model, self._plant.data, self._view
-        mujoco.mj_kinematics(model, data)  # poses are one step old after a step
+        x, y, z, yaw = self._plant.spot
         mujoco.mj_camlight(model, data)
-        x, y, z = data.qpos[:3]
-        w, _, _, k = data.qpos[3:7]
-        yaw = 2.0 * math.atan2(k, w)
-        view.lookat[:] = x + 6.0 * math.cos(yaw), y + 6.0 * math.sin(yaw), z
-        view.azimuth, view.elevation, view.distance = math.degrees(yaw), -28.0, 19.0
+        size = scenario.vehicle.length / _USUAL_LENGTH
+        view.lookat[:] = x + 6.0 * size * math.cos(yaw), y + 6.0 * size * math.sin(yaw), z
+        view.azimuth, view.elevation, view.distance = math.degrees(yaw), -28.0, 19.0 * max(size, _NEAREST)
         every, option = mujoco.mjtCatBit.mjCAT_ALL.value, mujoco.MjvOption()
         mujoco.mjv_updateScene(model, data, option, mujoco.MjvPerturb(), view, every, self._scene)
         draw_plan(self._scene, scenario, plan, x, y)
@@ -105,10 +119,8 @@ def film(plant: Plant, file: Path, scenario: Scenario, controller: Thinking) -> 
     Raises:
         InputError: Another plant than MuJoCo's, no OpenGL, or a file type that cannot be written.
     """
-    from sidestep.plant_models.mujoco.plant import MujocoPlant
-
-    if not isinstance(plant, MujocoPlant):
-        raise InputError("--render", "the plant is not MuJoCo's", "--plant mujoco without plant.steer_offset")
+    if not isinstance(plant, Scene):
+        raise InputError("--render", "the plant is not MuJoCo's", NEEDED)
     require_film(file)
     camera, frames = Camera(plant), []
 

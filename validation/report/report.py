@@ -1,6 +1,7 @@
 """What a run leaves on disk, and report.html of a run and of the demo: one file each, nothing loaded from outside."""
 
 from collections.abc import Sequence
+from math import degrees
 from typing import Any
 
 from sidestep.validation.console import HEADS, cells, number, row_name
@@ -8,15 +9,16 @@ from sidestep.validation.files import write_text, written_to
 from sidestep.validation.judge.findings import Verdict
 from sidestep.validation.judge.run import Run
 from sidestep.validation.judge.summary import strict_json
+from sidestep.validation.judge.verdict import Judgement
 from sidestep.validation.loop.recording import STEP_UNITS, write_columns
 from sidestep.validation.report.compare.comparison import Line, compared_signals, compared_top_view
+from sidestep.validation.report.explore.scene_data import scene_data
 from sidestep.validation.report.exports.junit import JunitCase, judged_case
 from sidestep.validation.report.pages import page, picture
-from sidestep.validation.report.scrubber import scrubber_data
 from sidestep.validation.report.signals_figure import signals_figure
 from sidestep.validation.report.still import still
 from sidestep.validation.report.style import BLUE, GREEN, ORANGE, PURPLE
-from sidestep.validation.report.topview import distance, top_view
+from sidestep.validation.report.topview import LOOK_BACK, distance, top_view
 from sidestep.validation.report.usage_figure import usage_figure
 
 _COLOURS = {"linear": ORANGE, "single-track": GREEN, "mujoco": BLUE, "linear (paper)": PURPLE}
@@ -46,7 +48,7 @@ def run_report(run: Run) -> str:
         verdict=_sentence(s),
         top_view=picture(top_view(run.scenario, run.recording, run.judgement)),
         signals=picture(signals_figure(run.scenario, run.recording, run.judgement)),
-        scrubber=scrubber_data(run.scenario, run.recording, run.judgement),
+        scene=scene_data(run.scenario, [Line(row_name(s), BLUE, run.recording)], _before(run.judgement)),
         usage=picture(usage_figure(run.scenario, run.recording)),
         still=still(run.scenario, run.recording, run.judgement.time),
         numbers=_numbers(run),
@@ -54,6 +56,11 @@ def run_report(run: Run) -> str:
         provenance=_provenance(s),
         files=files,
     )
+
+
+def _before(judgement: Judgement) -> float:
+    """The moment that a page shows first, in [s]: shortly before the closest approach."""
+    return 0.0 if judgement.time is None else judgement.time - LOOK_BACK
 
 
 def _sentence(s: dict[str, Any]) -> str:
@@ -104,10 +111,11 @@ def _numbers(run: Run) -> list[tuple[str, str, str, str]]:
          _mark(s["min_edge_clearance_m"] >= 0.0), "0 or more; of the car's corners"),
         ("Largest lateral acceleration", number(s["max_lateral_acceleration"], "m/s²", 2), "",
          "nuPlan counts up to 4.89 m/s² as comfortable"),
-        ("Largest yaw rate", number(s["max_yaw_rate"], "rad/s", 3), "", "nuPlan: 0.95 rad/s"),
-        ("Largest steering angle", number(s["max_steer_angle"], "rad", 4), "", f"limit {vehicle.steer_limit:g} rad"),
-        ("Largest steering rate", number(s["max_steer_rate"], "rad/s", 3), "",
-         f"limit {vehicle.steer_rate_limit:g} rad/s"),
+        ("Largest yaw rate", number(degrees(s["max_yaw_rate"]), "deg/s", 1), "", "nuPlan: 54 deg/s"),
+        ("Largest steering angle", number(degrees(s["max_steer_angle"]), "deg", 2), "",
+         f"limit {degrees(vehicle.steer_limit):.1f} deg"),
+        ("Largest steering rate", number(degrees(s["max_steer_rate"]), "deg/s", 1), "",
+         f"limit {degrees(vehicle.steer_rate_limit):.1f} deg/s"),
         ("Lateral error", number(s["rms_lateral_error_m"], "m", 3), "",
          "RMS to the reference path, avoidance included"),
         ("Lateral error in the last second", number(s["final_rms_lateral_error_m"], "m", 4), "", "RMS"),
@@ -200,4 +208,10 @@ def _scene(name: str, runs: Sequence[Run], summaries: Sequence[dict[str, Any]]) 
     if not shown:
         return {"name": name, "rows": rows}
     top_view = picture(compared_top_view(shown[0].scenario, lines))
-    return {"name": name, "rows": rows, "top_view": top_view, "signals": picture(compared_signals(lines))}
+    return {
+        "name": name,
+        "rows": rows,
+        "top_view": top_view,
+        "data": scene_data(shown[0].scenario, lines, _before(shown[0].judgement)),
+        "signals": picture(compared_signals(lines)),
+    }

@@ -2,16 +2,30 @@
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import Status
 from sidestep.plant_models.vehicle.parameters import GRAVITY
 from sidestep.validation.judge.verdict import Judgement
-from sidestep.validation.loop.recording import Array, Recording
-from sidestep.validation.report.style import BLUE, FAINT, GREEN, INK, ORANGE, PURPLE, RED, legend, panel, styled
+from sidestep.validation.loop.recording import SAMPLE_UNITS, Array, Recording
+from sidestep.validation.report.style import (
+    BLUE,
+    FAINT,
+    GREEN,
+    INK,
+    ORANGE,
+    PURPLE,
+    RED,
+    legend,
+    panel,
+    styled,
+    timeline,
+)
 from sidestep.validation.scenarios.scenario import Scenario
 
 
@@ -25,12 +39,34 @@ def signals_figure(scenario: Scenario, recording: Recording, judgement: Judgemen
         _offset(axes[2], scenario, recording)
         _states(axes[3:7], scenario, recording)
         _step_times(axes[7], recording)
-        for timeline in axes[:7]:
-            timeline.set_xlim(recording["time"][0], max(recording["time"][-1], 0.1))
-            _marks(timeline, recording, judgement)
-        for timeline in axes[5:7]:
-            timeline.set_xlabel("time  [s]")
+        for one in axes[:7]:
+            timeline(one).set_xlim(recording["time"][0], max(recording["time"][-1], 0.1))
+            _marks(one, recording, judgement)
+        for one in axes[5:7]:
+            one.set_xlabel("time  [s]")
+        axes[7].set_xlabel("time of one step  [µs]")
     return figure
+
+
+def draw_signal(axes: Axes, recording: Recording, name: str, **line: Any) -> None:
+    """One signal over time; angles and their rates in degrees.
+
+    Args:
+        axes: To draw in.
+        recording: Of a run.
+        name: Column of `SAMPLE_UNITS`, such as "yaw_rate".
+        line: Further arguments of the line, such as `color`.
+
+    Raises:
+        InputError: No such signal.
+    """
+    if name not in SAMPLE_UNITS:
+        raise InputError("signal", f"{name!r}", ", ".join(SAMPLE_UNITS))
+    unit = SAMPLE_UNITS[name]
+    scale = math.degrees(1.0) if unit.startswith("rad") else 1.0
+    timeline(panel(axes, name.replace("_", " "), unit.replace("rad", "deg").replace("^2", "²")))
+    axes.plot(recording["time"], scale * recording[name], **{"color": BLUE, **line})
+    axes.set_xlabel("time  [s]")
 
 
 def _degrees(values: Array) -> Array:
@@ -95,7 +131,7 @@ def _states(axes: Sequence[Axes], scenario: Scenario, recording: Recording) -> N
 
 
 def _step_times(axes: Axes, recording: Recording) -> None:
-    panel(axes, "Controller step", "µs")
+    panel(axes, "Controller steps", "number")
     times = recording.steps["step_time"]
     if not len(times):
         return

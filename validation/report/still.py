@@ -9,13 +9,12 @@ from markupsafe import Markup
 from PIL import Image
 
 from sidestep.plant_models.errors import InputError
-from sidestep.plant_models.signals import VehicleState
-from sidestep.validation.loop.plants import open_plant
+from sidestep.validation.loop.plants import open_plant, plant_kind
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.report.film import Camera
+from sidestep.validation.report.film_of import state_at
 from sidestep.validation.scenarios.scenario import Scenario
 
-_STATE = ("time", "x", "y", "yaw", "v_x", "v_y", "yaw_rate", "steer_angle")
 _ELEMENT = '<img alt="MuJoCo\'s scene, {}" style="width: 100%" src="data:image/jpeg;base64,{}">'
 
 
@@ -30,10 +29,9 @@ def still(scenario: Scenario, recording: Recording, time: float | None) -> Marku
     Returns:
         Nothing for another plant than MuJoCo's.
     """
-    if scenario.plant.kind != "mujoco":
+    if not plant_kind(scenario.plant.kind).is_scene:
         return Markup()
-    row = int(np.argmin(np.abs(recording["time"] - (recording["time"][-1] / 2.0 if time is None else time))))
-    state = VehicleState(*(float(recording[name][row]) for name in _STATE))
+    state = state_at(recording, recording["time"][-1] / 2.0 if time is None else time)
     ideal = replace(scenario, plant=replace(scenario.plant, steer_offset=0.0, delay=0.0))
     with open_plant(ideal) as plant:
         plant.reset(state)

@@ -16,6 +16,9 @@ BLUE, ORANGE, GREEN, RED, PURPLE, SKY = "#0072b2", "#e69f00", "#009e73", "#d55e0
 INK, FAINT, ROAD, PAPER = "#24292f", "#c3c9d0", "#eceff2", "#fefefe"
 """Theme colours: with BLUE, `svg` hands them over to the page as CSS variables, --ink and so on."""
 
+TIME = "time"
+"""Label of axes along which a run's time goes: in a page they share their cursor and their zoom."""
+
 _THEME = {INK: "ink", FAINT: "faint", ROAD: "road", PAPER: "paper", BLUE: "blue"}
 _RC: dict[Any, Any] = {
     "font.family": "sans-serif",
@@ -60,6 +63,17 @@ def panel(axes: Axes, title: str, unit: str) -> Axes:
     return axes
 
 
+def timeline(axes: Axes) -> Axes:
+    """Mark axes whose abscissa is a run's time, in [s]."""
+    axes.set_label(TIME)
+    return axes
+
+
+def themed(colour: str) -> str:
+    """A colour as a page takes it: the theme's own variable where it has one."""
+    return f"var(--{_THEME[colour]})" if colour in _THEME else colour
+
+
 def legend(axes: Axes) -> None:
     """A legend in one line above the axes, to the right of the title; every label once."""
     handles, labels = axes.get_legend_handles_labels()
@@ -83,8 +97,8 @@ def svg(figure: Figure) -> str:
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
-    for colour, name in _THEME.items():
-        text = text.replace(colour, f"var(--{name})")
+    for colour in _THEME:
+        text = text.replace(colour, themed(colour))
     text = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", text, count=1)
     text = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", text, count=1)
     return re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)

@@ -35,9 +35,9 @@ def top_view(scenario: Scenario, recording: Recording, judgement: Judgement) -> 
         if plan is not None:
             views.append((plan.s[0] - 10.0, plan.s[-1]))
         figure, axes = stacked_axes(scenario.path, views)
-        _whole_run(axes[0], scenario, recording, judgement, views[0])
+        draw_run(axes[0], scenario, recording, judgement, views[0])
         if plan is not None:
-            _one_plan(axes[1], scenario, recording, plan, views[1])
+            draw_plan_of(axes[1], scenario, recording, plan, views[1])
     return figure
 
 
@@ -130,7 +130,17 @@ def _band(axes: Axes, scenario: Scenario, s: Array, left: Array, right: Array, l
         axes.plot(*edge, color=GREEN, linewidth=1.0, zorder=1.5)
 
 
-def _whole_run(axes: Axes, scenario: Scenario, recording: Recording, judgement: Judgement, view: View) -> None:
+def draw_run(
+    axes: Axes, scenario: Scenario, recording: Recording, judgement: Judgement, view: View | None = None
+) -> None:
+    """The run from above: road, corridor as met, driven path, outlines of the car, closest approach.
+
+    Args:
+        axes: To draw in.
+        scenario, recording, judgement: Those of a run.
+        view: Stations that are shown; None for all that was driven.
+    """
+    view = view or driven_extent(recording)
     draw_road(axes, scenario, view, judgement.time or 0.0)
     met = np.array([(plan.s[0], plan.left[0], plan.right[0]) for plan in recording.plans]).reshape(-1, 3)
     _band(axes, scenario, *met.T, label="corridor for the car's centre, as met")
@@ -160,7 +170,16 @@ def draw_cars(
     axes.add_collection(cars, autolim=False)
 
 
-def _one_plan(axes: Axes, scenario: Scenario, recording: Recording, plan: Any, view: View) -> None:
+def draw_plan_of(axes: Axes, scenario: Scenario, recording: Recording, plan: Any, view: View | None = None) -> None:
+    """One plan from above: corridor, planned path, prediction, and what was driven in the end.
+
+    Args:
+        axes: To draw in.
+        scenario, recording: Those of the run.
+        plan: One of the recording's.
+        view: Stations that are shown; None for those of the plan.
+    """
+    view = view or (plan.s[0] - 10.0, plan.s[-1])
     path = scenario.path
     draw_road(axes, scenario, view, plan.time)
     _band(axes, scenario, plan.s, plan.left, plan.right, label="corridor for the car's centre")

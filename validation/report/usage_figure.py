@@ -19,9 +19,9 @@ def usage_figure(scenario: Scenario, recording: Recording) -> Figure:
         figure = Figure(figsize=(11.0, 3.6))
         figure.subplots_adjust(0.05, 0.14, 0.99, 0.9, wspace=0.22)
         circle, plane, fan = figure.subplots(1, 3)
-        _friction_circle(circle, scenario, recording)
-        _phase_plane(plane, recording)
-        _error_fan(fan, scenario, recording)
+        draw_friction_circle(circle, scenario, recording)
+        draw_phase_plane(plane, recording)
+        draw_prediction_errors(fan, scenario, recording)
     return figure
 
 
@@ -41,7 +41,8 @@ def prediction_errors(recording: Recording) -> tuple[Array, Array]:
     return ahead, np.array([plan.states[:, 0] for plan in same]) - driven
 
 
-def _friction_circle(axes: Axes, scenario: Scenario, recording: Recording) -> None:
+def draw_friction_circle(axes: Axes, scenario: Scenario, recording: Recording) -> None:
+    """Acceleration forward over that to the left, in [m/s^2], within the tyres' peak."""
     panel(axes, "Accelerations, forward over left", "m/s²")
     time, v_x = recording["time"], recording["v_x"]
     along = np.gradient(v_x, time) - recording["v_y"] * recording["yaw_rate"] if len(time) > 1 else 0.0 * v_x
@@ -56,7 +57,8 @@ def _friction_circle(axes: Axes, scenario: Scenario, recording: Recording) -> No
     axes.set(xlim=(reach, -reach), ylim=(-reach, reach), aspect="equal", xlabel="left  [m/s²]")  # left is left
 
 
-def _phase_plane(axes: Axes, recording: Recording) -> None:
+def draw_phase_plane(axes: Axes, recording: Recording) -> None:
+    """Yaw rate, in [deg/s], over sideslip, in [deg]."""
     panel(axes, "Yaw rate over sideslip", "deg/s")
     moving = recording["v_x"] > FASTEST_SHOWN
     sideslip = np.degrees(np.arctan2(recording["v_y"][moving], recording["v_x"][moving]))
@@ -66,7 +68,8 @@ def _phase_plane(axes: Axes, recording: Recording) -> None:
     axes.axvline(0.0, color=FAINT, zorder=0)
 
 
-def _error_fan(axes: Axes, scenario: Scenario, recording: Recording) -> None:
+def draw_prediction_errors(axes: Axes, scenario: Scenario, recording: Recording) -> None:
+    """How far predictions of the offset were off, in [cm], over the time ahead, in [s], beside the buffer."""
     panel(axes, "Error of the predicted offset", "cm")
     ahead, errors = prediction_errors(recording)
     axes.set_xlabel("time ahead  [s]")

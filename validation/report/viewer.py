@@ -9,6 +9,7 @@ from typing import Any
 
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.plant import Plant
+from sidestep.validation.report.film import NEEDED, Scene
 from sidestep.validation.scenarios.scenario import Scenario
 
 
@@ -21,10 +22,8 @@ def viewer(plant: Plant, scenario: Scenario | None = None, controller: Any = Non
     Raises:
         InputError: Another plant than MuJoCo's, or no display.
     """
-    from sidestep.plant_models.mujoco.plant import MujocoPlant
-
-    if not isinstance(plant, MujocoPlant):
-        raise InputError("--view", "the plant is not MuJoCo's", "--plant mujoco without plant.steer_offset")
+    if not isinstance(plant, Scene):
+        raise InputError("--view", "the plant is not MuJoCo's", NEEDED)
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise InputError("--view", "there is no display (DISPLAY is not set)", "a graphical session")
     import mujoco.viewer
@@ -38,7 +37,7 @@ def viewer(plant: Plant, scenario: Scenario | None = None, controller: Any = Non
             if scenario is not None and (scene := window.user_scn) is not None:
                 with window.lock():
                     scene.ngeom = 0
-                    draw_plan(scene, scenario, controller.plan, *plant.data.qpos[:2])
+                    draw_plan(scene, scenario, controller.plan, *plant.spot[:2])
             window.sync()
             time.sleep(max(0.0, simulated - (time.perf_counter() - began)))
 

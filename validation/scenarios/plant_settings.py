@@ -8,6 +8,9 @@ from sidestep.plant_models.mujoco.surface import FrictionPatch, HeightField, Sur
 from sidestep.plant_models.ranges import Range
 from sidestep.validation.scenarios.tables import built, checked, file_at
 
+FILES = (".fmu", ".xml")
+"""Endings of the files that are plants: FMUs, and MuJoCo models."""
+
 Factor = Annotated[float, Range(0.01, 100.0)]
 
 
@@ -16,14 +19,15 @@ class PlantSettings:
     """The table `plant` of a scenario file.
 
     Attributes:
-        kind: linear, single-track, double-track, mujoco, an .fmu file, found from the scenario file's folder,
-            `package.module:factory`, or the name that an installed package gives its plant.
-        friction: Road friction as a factor on the tyres' peak; of an .fmu file its parameter `friction`.
-        tyre: What shears the tyres of MuJoCo's car, see `MujocoPlant`.
-        grade, bank: Rise of its road per metre along x and along y.
+        kind: linear, single-track, double-track, mujoco, an .fmu file or a MuJoCo model (.xml), found from the
+            scenario file's folder, `package.module:factory`, or the name that an installed package gives its plant.
+        friction: Road friction as a factor on the tyres' peak; of an .fmu file its parameter `friction`; of a MuJoCo
+            model on the friction of its contacts.
+        tyre: What shears the tyres of our MuJoCo car, see `MujocoPlant`.
+        grade, bank: Rise of the road per metre along x and along y; of MuJoCo's cars.
         patches: Patches of other friction on its road; tables of `FrictionPatch` in the file.
         heights: Bumps on that road, None for none; in the file a table of what `HeightField.from_csv` takes.
-        map: Mapping file (TOML) of an FMU that is not ours; empty for none.
+        map: Mapping file (TOML) of an FMU or a MuJoCo model that is not ours; empty for none.
         steer_offset: Added to every commanded road-wheel angle, in [rad]: a misaligned steering, which the
             reported angle does not show.
         mass, stiffness: Of the plant's car and of its tyres, as factors on what the controller knows.
@@ -89,7 +93,7 @@ def plant_settings(table: dict[str, Any], folder: Path) -> PlantSettings:
         InputError: Unknown key, a value that cannot be used, or a file that cannot be read.
     """
     plant = PlantSettings(**checked(PlantSettings, table, "plant"))
-    kind = str(folder / plant.kind) if plant.kind.endswith(".fmu") else plant.kind
+    kind = str(folder / plant.kind) if plant.kind.endswith(FILES) else plant.kind
     patches = tuple(built(FrictionPatch, patch, f"plant.patches[{i}]") for i, patch in enumerate(plant.patches))
     heights = None if plant.heights is None else _heights(plant.heights, folder)
     map_file = str(folder / plant.map) if plant.map else ""

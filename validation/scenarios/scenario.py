@@ -11,21 +11,22 @@ import numpy as np
 from msgspec import Meta
 
 from sidestep.controller import ControllerConfig
-from sidestep.fmu.importing.mapping import vehicle_table
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.notebook import facts_table
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.ranges import Range
 from sidestep.plant_models.road.reference_path import ReferencePath
 from sidestep.plant_models.signals import VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters, require_one_stiffness
-from sidestep.plant_models.vehicle.table import WHOLE, vehicle_from_table
+from sidestep.plant_models.vehicle.table import vehicle_from_table
 from sidestep.validation.geometry import car_boxes, edge_clearance, obstacle_boxes, signed_clearance
 from sidestep.validation.scenarios.goal import Goal, goal
 from sidestep.validation.scenarios.library import read_scenario
+from sidestep.validation.scenarios.own_car import own_car, told_car
 from sidestep.validation.scenarios.plant_settings import PlantSettings, plant_settings
 from sidestep.validation.scenarios.readers.formats import ENDINGS, read_foreign
 from sidestep.validation.scenarios.road_table import road_path
-from sidestep.validation.scenarios.tables import checked, file_at, override
+from sidestep.validation.scenarios.tables import checked, file_at, override, overrides_of
 from sidestep.validation.scenarios.traffic import obstacle, placed
 
 ELSEWHERE = ("width_left", "width_right", "cruise_speed")
@@ -34,7 +35,7 @@ ELSEWHERE = ("width_left", "width_right", "cruise_speed")
 Speed = Annotated[float, Range(0.01, 150.0, "m/s")]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Scenario:
     """One drive: road, obstacles, car, controller and plant.
 
@@ -48,6 +49,7 @@ class Scenario:
         vehicle: The car, as the controller knows it.
         controller: Its configuration, the road's widths included.
         controller_preset: Name of the configuration that it started from.
+        controller_kind: `module:factory` of somebody else's controller; empty for ours.
         description: One line for lists.
         plant: Which plant.
         goal: Where, when and how it ends before its time; None for nowhere.
@@ -65,12 +67,26 @@ class Scenario:
     vehicle: VehicleParameters
     controller: ControllerConfig
     controller_preset: str = "default"
+    controller_kind: str = ""
     description: str = ""
     plant: PlantSettings = field(default_factory=PlantSettings)
     goal: Goal | None = None
     notes: tuple[str, ...] = ()
     tables: dict[str, Any] = field(default_factory=dict, compare=False)
     folder: Path = field(default=Path(), compare=False)
+
+    def __repr__(self) -> str:
+        count = len(self.obstacles)
+        boxes = f"{count} obstacle{'' if count == 1 else 's'}"
+        return f"Scenario({self.name!r}, {self.speed:g} m/s, {self.duration:g} s, {boxes}, on {self.plant.name})"
+
+    def _repr_html_(self) -> str:
+        facts = [
+            ("description", self.description), ("speed", f"{self.speed:g} m/s"), ("duration", f"{self.duration:g} s"),
+            ("road", f"{self.path.length:.1f} m"), ("obstacles", len(self.obstacles)), ("car", self.vehicle.name),
+            ("controller", self.controller_preset), ("plant", self.plant.name),
+        ]  # fmt: skip
+        return facts_table(f"Scenario {self.name}", facts)
 
 
 @dataclass
@@ -124,16 +140,19 @@ class StartTable:
     yaw_rate: Annotated[float, Range(-10.0, 10.0, "rad/s")] = 0.0
 
 
-def load_scenario(name_or_path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
+def load_scenario(name_or_path: str | Path, overrides: Sequence[str] = (), /, **values: Any) -> Scenario:
     """Read a scenario.
 
     Args:
         name_or_path: One of `built_in_scenarios()`, a TOML file, a CommonRoad .xml or an OpenSCENARIO .xosc file.
         overrides: `key=value` with dotted keys, as given to `--set`.
+        values: The same as Python's values: `speed=17.0`, a table by its keys, `plant={"friction": 0.6}`, or a dotted
+            key, `**{"obstacles.0.l": 0.5}`.
 
     Raises:
         InputError: With file, dotted key and what is allowed.
     """
+    overrides = [*overrides, *overrides_of(values)]
     if (foreign := Path(name_or_path)).suffix.lower() in ENDINGS and foreign.is_file():
         own = {key: value for change in overrides for key, value in _parameter(change)}
         imported = read_foreign(foreign, own)
@@ -188,12 +207,13 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
     top = ScenarioTables(**checked(ScenarioTables, {"name": file.stem, **tables}))
     start = StartTable(**checked(StartTable, top.start, "start"))
     path = road_path(top.road, file.parent)
-    preset, config = _controller(top.controller, path, top.speed)
+    kind, preset, config = _controller(top.controller, path, top.speed)
     obstacles = (obstacle(values, f"obstacles[{i}]", path, file.parent) for i, values in enumerate(top.obstacles))
     x, y, yaw = placed(path, start.s, start.l, start.heading)
     speed = top.speed if start.speed is None else start.speed
     v_x, v_y = speed * math.cos(start.sideslip), speed * math.sin(start.sideslip)
     plant = plant_settings(top.plant, file.parent)
+    told = told_car(top.vehicle, plant)
     scenario = Scenario(
         name=top.name,
         speed=top.speed,
@@ -202,9 +222,10 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
         start=VehicleState(0.0, x, y, yaw, v_x, v_y, start.yaw_rate),
         obstacles=tuple(obstacles),
         goal=goal(top.goal, path),
-        vehicle=_vehicle(told_car(top.vehicle, plant), file.parent),
+        vehicle=_vehicle(told, file.parent, own_car(told, plant, top.speed)),
         controller=config,
         controller_preset=preset,
+        controller_kind=kind,
         description=top.description,
         plant=plant,
         tables=tables,
@@ -214,28 +235,24 @@ def _scenario(tables: dict[str, Any], file: Path) -> Scenario:
     return scenario
 
 
-def _vehicle(table: dict[str, Any], folder: Path) -> VehicleParameters:
+def _vehicle(table: dict[str, Any], folder: Path, known: VehicleParameters | None) -> VehicleParameters:
     require_one_stiffness(table)
     names = {"preset": str, "file": str, "tyre_file": str}
     values = checked(VehicleParameters, table, "vehicle", partial=True, also=names)
     for key in ("file", "tyre_file"):
         if values.get(key):
             file_at(folder, values[key], f"vehicle.{key}")
-    return vehicle_from_table(values, folder)
+    return vehicle_from_table(values, folder, known)
 
 
-def told_car(vehicle: dict[str, Any], plant: PlantSettings) -> dict[str, Any]:
-    """The table `vehicle` of a scenario, on that of the mapping file of its plant unless it tells a whole car."""
-    if not plant.map or not Path(plant.map).is_file() or any(key in vehicle for key in WHOLE):
-        return vehicle
-    return vehicle_table(Path(plant.map)) | vehicle
-
-
-def _controller(table: dict[str, Any], path: ReferencePath, speed: float) -> tuple[str, ControllerConfig]:
+def _controller(table: dict[str, Any], path: ReferencePath, speed: float) -> tuple[str, str, ControllerConfig]:
     elsewhere = dict(zip(ELSEWHERE, (*path.edges.narrowest, speed), strict=True))
-    values = checked(ControllerConfig, table, "controller", partial=True, also={"preset": str}, without=ELSEWHERE)
-    preset = values.pop("preset", "default")
-    return preset, ControllerConfig.preset(preset, **elsewhere, **values)
+    names = {"preset": str, "kind": str}
+    values = checked(ControllerConfig, table, "controller", partial=True, also=names, without=ELSEWHERE)
+    preset, kind = values.pop("preset", "default"), values.pop("kind", "")
+    if kind and ":" not in kind:
+        raise InputError("controller.kind", f"{kind!r}", "module:factory, or nothing for ours")
+    return kind, preset, ControllerConfig.preset(preset, **elsewhere, **values)
 
 
 def _check_start(scenario: Scenario, s: float) -> None:

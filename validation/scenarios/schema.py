@@ -1,7 +1,6 @@
 """Every table and key of a scenario file, taken from the types that read it: a JSON schema and a page of the docs."""
 
 import re
-import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from types import NoneType
@@ -52,12 +51,14 @@ class Table:
 
     Attributes:
         name: Dotted; lists of tables end with [].
+        cls: The type that reads it.
         text: What it holds.
         keys: In order.
         example: TOML, of the whole table.
     """
 
     name: str
+    cls: type
     text: str
     keys: tuple[Key, ...]
     example: str
@@ -66,6 +67,7 @@ class Table:
 def tables() -> tuple[Table, ...]:
     """All tables of a scenario file."""
     preset = Key("preset", str, '"default"', "Name of the configuration that the others are put into: default, paper.")
+    kind = Key("kind", str, '""', "`module:factory` of a controller of your own, with ours beside it; empty for ours.")
     car = (
         Key("preset", str, '"bmw-320i"', "Name of the car that the others are put into, see `sidestep vehicles`."),
         Key("file", str, '""', "TOML file with such values instead of a preset."),
@@ -88,7 +90,7 @@ def tables() -> tuple[Table, ...]:
         _table("vehicle", VehicleParameters, _EXAMPLES["vehicle"], car, elsewhere, partial=True),
         _table("vehicle.tyre", TyreParameters, "[vehicle.tyre]\np_dy1 = 0.9", partial=True),
         _table("vehicle.suspension", SuspensionParameters, "[vehicle.suspension]\nspring_front = 3e4", partial=True),
-        _table("controller", ControllerConfig, _EXAMPLES["controller"], (preset,), elsewhere, partial=True),
+        _table("controller", ControllerConfig, _EXAMPLES["controller"], (preset, kind), elsewhere, partial=True),
         _table("plant", PlantSettings, _EXAMPLES["plant"]),
         _table("plant.patches[]", FrictionPatch, "{ s = 30.0, length = 10.0, l = 0.0, width = 4.0, friction = 0.2 }"),
         _table("plant.heights", HeightTable, '{ path = "bumps.csv", spacing = 0.1 }'),
@@ -128,7 +130,7 @@ def _table(
         keys.append(
             Key(f.name, hints[f.name], given, texts.get(f.name, _TYRE) if cls is TyreParameters else texts[f.name])
         )
-    return Table(name, summary, tuple(keys), example)
+    return Table(name, cls, summary, tuple(keys), example)
 
 
 def documented(cls: Any) -> tuple[str, Mapping[str, str]]:
@@ -246,16 +248,17 @@ def markdown() -> str:
 
 _HEAD = """# Scenario files
 
-Made from the types that read them by `python -m sidestep.validation.scenarios.schema`; for editors there is
-`sidestep scenarios --schema` (JSON schema). Files are TOML; lengths in m, times in s, angles in rad. An unknown key is
-an error. Files of others: [foreign scenarios](foreign_scenarios.md).
+Made from the types that read them by `python tools/pages.py`; for editors there is `sidestep scenarios --schema` (JSON
+schema). Files are TOML; lengths in m, times in s, angles in rad. An unknown key is an error. Files of others:
+[foreign scenarios](foreign_scenarios.md).
+
+Every key of every table is one of `--set`, too, by its dotted path; `[]` stands for every entry of a list, in `--set` a
+number from 0: `--set obstacles.0.s=30`. A number outside of what is allowed ends the command in one line with key,
+value and range and exit status 2. The ranges are generous: they keep out what cannot be a car, a road or a control
+period, not what is unusual.
 
 On a road of way-points `s` and `l` count along their polyline and beside its chords, headings are relative to the mean
 direction at the way-points, interpolated between them. The path that is driven strays from that polyline by at most
 0.1 m, or by what `road.smooth` allows; a file for which that is not possible is refused, with the place. What was
 merged, taken as closed or smoothed is printed as a note and stands in summary.json.
 """
-
-
-if __name__ == "__main__":
-    sys.stdout.write(markdown())

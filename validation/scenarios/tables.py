@@ -1,5 +1,6 @@
 """Tables of a TOML file checked against dataclasses, and overrides by dotted key; every error names its key."""
 
+import json
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -9,6 +10,7 @@ from types import MappingProxyType
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
+import numpy as np
 
 from sidestep.plant_models.errors import InputError, did_you_mean
 from sidestep.plant_models.ranges import Range, range_of
@@ -134,6 +136,51 @@ def override(tables: dict[str, Any], text: str) -> None:
         target[_index(target, parts[-1], key)] = _toml_value(value)
     else:
         target[parts[-1]] = _toml_value(value)
+
+
+def overrides_of(values: Mapping[str, Any], above: str = "") -> list[str]:
+    """Values as `key=value`, what a table holds by its own keys.
+
+    Args:
+        values: By dotted keys; numbers, words, paths, lists, and tables of such.
+        above: Key of the table that holds them.
+
+    Raises:
+        InputError: A value that no scenario file could hold.
+    """
+    found: list[str] = []
+    for name, value in values.items():
+        key = f"{above}.{name}".lstrip(".")
+        if isinstance(value, Mapping):
+            found += overrides_of(value, key)
+        else:
+            found.append(f"{key}={toml_text(value, key)}")
+    return found
+
+
+def toml_text(value: Any, key: str = "value") -> str:
+    """A value as a TOML file has it.
+
+    Args:
+        value: A number, word, path, list, array, or a table with plain keys.
+        key: For the error.
+
+    Raises:
+        InputError: Something else.
+    """
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{name} = {toml_text(below, key)}" for name, below in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(toml_text(one, key) for one in value) + "]"
+    if isinstance(value, str | Path):
+        return json.dumps(str(value), ensure_ascii=True).replace("\x7f", "\\u007f")
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | float):
+        return repr(value)
+    raise InputError(key, f"{value!r} is nothing that a scenario file holds", "a number, a word, a list or a table")
 
 
 def _entry(target: Any, part: str, key: str) -> Any:

@@ -9,6 +9,7 @@ import numpy as np
 from rich.table import Table
 
 from sidestep.plant_models.errors import InputError
+from sidestep.validation.console import new_table, show
 from sidestep.validation.files import complete_path, made, written_to
 from sidestep.validation.judge.careful_driver import DRIVERS, smallest_gap
 from sidestep.validation.judge.simulate import simulate
@@ -17,7 +18,7 @@ from sidestep.validation.report.style import BLUE, GREEN, ORANGE, RED, styled
 from sidestep.validation.scenarios.readers.openscenario.reader import variations
 from sidestep.validation.scenarios.readers.safe_xml import read_xml
 from sidestep.validation.scenarios.scenario import load_scenario
-from sidestep.validation.studies.limits import Outcome, in_parallel, kept_rows, new_table, show, write_outcome
+from sidestep.validation.studies.limits import Outcome, in_parallel, kept_rows, write_outcome
 
 LONGEST = 60.0
 """Of a drive, in [s]: what a scenario asks beyond is more of the same."""

@@ -2,10 +2,10 @@
 
 from typing import Any
 
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
+
+from sidestep.validation.console import new_table, show
 
 _FRAME_PERIOD, _MUJOCO_STEP = 0.01, 0.001  # [s]
 
@@ -14,7 +14,7 @@ def print_figures(figures: dict[str, Any]) -> None:
     """Controller, QP solvers, plants and CAN, and the machine that they were measured on."""
     period = figures["scene"]["period_s"]
     step, planner, qps = figures["controller_step_us"], figures["planner_us"], figures["qp_us"]
-    table = _table("cost of", "median [µs]", "p99 [µs]", "p99 quiet [µs]", "ratio")
+    table = new_table("", "cost of", "median [µs]", "p99 [µs]", "p99 quiet [µs]", "ratio")
     _add(table, "controller step", step, f"{1e-4 * step['median'] / period:.1f} % of its {1e3 * period:.0f} ms")
     bounded = figures["bounded_step_us"]
     _add(table, "  where a bound acts", bounded, f"{1e-4 * bounded['median'] / period:.1f} %")
@@ -30,18 +30,16 @@ def print_figures(figures: dict[str, Any]) -> None:
             table.add_row(f"{kind} plant, per {1e3 * covers:.0f} ms", f"{time:.2f}", "", "", faster)
     frame = figures["can_frame_us"]
     table.add_row("CAN frame", f"{frame:.1f}", "", "", f"{1e-4 * frame / _FRAME_PERIOD:.1f} % of its 10 ms")
-    console = _console()
-    console.print(table)
     machine, versions = figures["machine"], figures["versions"]
-    console.print(
-        f"{machine['processor']}, {machine['cores']} cores, load {machine['load_before']:.1f} before the start"
-    )
-    console.print(", ".join(f"{name} {version}" for name, version in versions.items() if version))
+    show(table, f"{machine['processor']}, {machine['cores']} cores, load {machine['load_before']:.1f} before the start")
+    show(", ".join(f"{name} {version}" for name, version in versions.items() if version))
 
 
 def print_solvers(figures: dict[str, Any]) -> None:
     """The controller's QPs in every solver that is installed: speed against error."""
-    table = _table("QP solver", "median [µs]", "p99 [µs]", "p99 quiet [µs]", "ratio", "largest error of u0 [rad/s]")
+    table = new_table(
+        "", "QP solver", "median [µs]", "p99 [µs]", "p99 quiet [µs]", "ratio", "largest error of u0 [rad/s]"
+    )
     errors, base = figures["solver_errors"], figures["qp_us"]["piqp"]["median"]
     for name, times in sorted(figures["qp_us"].items(), key=lambda entry: entry[1]["median"]):
         error = f"{errors[name]:.1e}" if name in errors else "–"
@@ -52,23 +50,10 @@ def print_solvers(figures: dict[str, Any]) -> None:
             f"{times['median'] / base:.2f} x piqp",
             "exact by definition" if name == "daqp" else error,
         )
-    _console().print(table)
+    show(table)
     if not errors:
-        _console().print("errors need DAQP: pip install 'sidestep[bench]'", markup=False)
+        show(escape("errors need DAQP: pip install 'sidestep[bench]'"))
 
 
 def _add(table: Table, name: str, times: dict[str, float], *rest: str) -> None:
     table.add_row(name, *(f"{times[key]:.0f}" for key in ("median", "p99", "p99_quiet")), *rest)
-
-
-def _table(name: str, *numbers: str) -> Table:
-    table = Table(box=SIMPLE_HEAD, header_style="", pad_edge=False)
-    table.add_column(name)
-    for number in numbers:
-        table.add_column(escape(number), justify="right")
-    return table
-
-
-def _console() -> Console:
-    console = Console()
-    return console if console.is_terminal else Console(width=120)

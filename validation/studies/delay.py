@@ -6,6 +6,7 @@ the controller knows (`input_delay_steps`) and moves the state forward through t
 uncompensated, it takes the state as present.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,13 +15,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
+from sidestep.validation.console import new_table, show
 from sidestep.validation.files import made, written_to
 from sidestep.validation.loop.closed_loop import closed_loop
 from sidestep.validation.loop.delay_line import DelayLine
 from sidestep.validation.loop.recording import End, Recording
 from sidestep.validation.report.style import BLUE, RED, panel, styled, write_figure
 from sidestep.validation.scenarios.scenario import Scenario, parse_scenario
-from sidestep.validation.studies.limits import PLANT_OPTION, Outcome, new_table, refuse_own, show, write_outcome
+from sidestep.validation.studies.limits import PLANT_OPTION, Outcome, refuse_own, write_outcome
 
 CASES = ((0.1, 1), (0.05, 1), (0.02, 5), (0.02, 10))
 """Control period, in [s], and delay in periods."""
@@ -145,12 +147,13 @@ def _row(period: float, steps: int, compensated: bool, recording: Recording) -> 
 def _table(rows: Sequence[DelayRow], plant: str, speed: float) -> Table:
     table = new_table(
         f"Delay, 1.5 m off at {speed:g} m/s on {plant}", "delay", "control\nperiod", "largest offset\nafter 1 s [m]",
-        f"RMS offset in the\nlast {LAST:.0f} s [m]", "max steer\nrate [rad/s]", "end",
+        f"RMS offset in the\nlast {LAST:.0f} s [m]", "max steer\nrate [deg/s]", "end",
     )  # fmt: skip
     for row in rows:
         table.add_row(
             f"{row.delay:.2f} s, {'compensated' if row.compensated else 'not compensated'}",
             f"{1e3 * row.period:.0f} ms", f"{row.max_offset:.3f}",
-            f"[{'green' if row.settled else 'red'}]{row.final_offset:.4f}[/]", f"{row.max_steer_rate:.3f}", row.end,
+            f"[{'green' if row.settled else 'red'}]{row.final_offset:.4f}[/]",
+            f"{math.degrees(row.max_steer_rate):.1f}", row.end,
         )  # fmt: skip
     return table

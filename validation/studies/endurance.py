@@ -21,7 +21,7 @@ import numpy as np
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
-from sidestep.validation.console import number, progress_bar
+from sidestep.validation.console import new_table, number, progress_bar, show
 from sidestep.validation.files import made
 from sidestep.validation.judge.findings import Verdict
 from sidestep.validation.judge.verdict import judge
@@ -31,16 +31,7 @@ from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.loop.wrapped import Wrapped
 from sidestep.validation.scenarios.scenario import Scenario, parse_scenario
-from sidestep.validation.studies.limits import (
-    PLANT_OPTION,
-    Outcome,
-    counted,
-    kept_rows,
-    new_table,
-    refuse_own,
-    show,
-    write_outcome,
-)
+from sidestep.validation.studies.limits import PLANT_OPTION, Outcome, counted, kept_rows, refuse_own, write_outcome
 
 PERIOD = 0.01
 """Control period, in [s]."""

@@ -1,6 +1,7 @@
 """What the `sidestep limits` commands share: the bound of a count of failures, and how results are shown and kept."""
 
 import csv
+import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
@@ -8,10 +9,6 @@ from pathlib import Path
 from typing import Any, Literal, TextIO, TypeVar, cast
 
 from joblib import Parallel, delayed
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 from scipy.stats import beta
 
 from sidestep.plant_models.errors import InputError
@@ -64,6 +61,42 @@ PLANT_OPTION = {"plant.kind": "--plant"}
 def upper_bound(failures: int, runs: int) -> float:
     """95 % upper bound of the failure rate (Clopper and Pearson, one-sided): 0 of 300 gives 1 %."""
     return 1.0 if failures >= runs else float(beta.ppf(CONFIDENCE, failures + 1, runs - failures))
+
+
+def lower_bound(failures: int, runs: int) -> float:
+    """95 % lower bound of the failure rate (Clopper and Pearson, one-sided)."""
+    return 0.0 if failures == 0 else float(beta.ppf(1.0 - CONFIDENCE, failures, runs - failures + 1))
+
+
+MOST_RUNS = 1_000_000
+"""More of them are not proposed."""
+
+
+def deciding_runs(failures: int, runs: int, allowed: float) -> int | None:
+    """How many runs would tell whether the failure rate is above what is allowed, if the same share of them failed.
+
+    Args:
+        failures, runs: So far.
+        allowed: Failure rate.
+
+    Returns:
+        None if it takes more than MOST_RUNS: the share is too near.
+    """
+    rate = failures / runs if runs else 0.0
+
+    def decided(n: int) -> bool:
+        return upper_bound(math.ceil(rate * n), n) <= allowed or lower_bound(math.floor(rate * n), n) > allowed
+
+    high = max(runs, 1)
+    while not decided(high):
+        if high > MOST_RUNS:
+            return None
+        high *= 2
+    low = high // 2
+    while low + 1 < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if decided(middle) else (middle, high)
+    return high
 
 
 def counted(failures: int, runs: int) -> str:
@@ -139,23 +172,3 @@ def _write_head(stream: TextIO, row: Any) -> None:
 
 def _write_rows(stream: TextIO, rows: Sequence[Any]) -> None:
     csv.writer(stream).writerows(asdict(row).values() for row in rows)
-
-
-def new_table(title: str, first: str, *numbers: str) -> Table:
-    """An empty table in the look of all tables."""
-    table = Table(
-        title=title, title_justify="left", title_style="bold", header_style="", box=SIMPLE_HEAD, pad_edge=False
-    )
-    table.add_column(first, no_wrap=True)
-    for number in numbers:
-        table.add_column(escape(number), justify="right")
-    return table
-
-
-def show(*parts: Table | str) -> None:
-    """Print tables and lines; wide enough where there is no terminal."""
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=130)
-    for part in parts:
-        console.print(part)

@@ -19,23 +19,14 @@ from pathlib import Path
 from rich.table import Table
 
 from sidestep.plant_models.obstacle import Obstacle
-from sidestep.validation.console import number
+from sidestep.validation.console import new_table, number, show
 from sidestep.validation.files import made
 from sidestep.validation.judge.verdict import judge
 from sidestep.validation.loop.closed_loop import closed_loop, open_controller
 from sidestep.validation.loop.delay_line import DelayLine
 from sidestep.validation.loop.plants import ROLLING, open_plant
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario
-from sidestep.validation.studies.limits import (
-    PLANT_OPTION,
-    Outcome,
-    in_parallel,
-    kept_rows,
-    new_table,
-    refuse_own,
-    show,
-    write_outcome,
-)
+from sidestep.validation.studies.limits import PLANT_OPTION, Outcome, in_parallel, kept_rows, refuse_own, write_outcome
 
 ENTRY, SECTIONS = 20.0, (12.0, 13.5, 11.0, 12.5, 12.0)
 """Station of the entry and lengths of the sections, in [m]; the first, third and fifth are lanes."""

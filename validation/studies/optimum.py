@@ -1,10 +1,11 @@
 """`sidestep limits optimum`: peaks of the controller's drives against those of the offline optimum of the same scenes.
 
-The optimum is made by benchmarks/offline_optimum.py. Jerk is the derivative of a_y after a low-pass, the same one for
-drive and optimum: Butterworth of second order, forwards and backwards, at JERK_BANDWIDTH.
+The optimum is made by benchmarks/studies/offline_optimum.py. Jerk is the derivative of a_y after a low-pass, the
+same one for drive and optimum: Butterworth of second order, forwards and backwards, at JERK_BANDWIDTH.
 """
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,10 +16,11 @@ from numpy.typing import NDArray
 from rich.table import Table
 from scipy.signal import butter, sosfiltfilt
 
+from sidestep.validation.console import new_table, show
 from sidestep.validation.loop.closed_loop import closed_loop
 from sidestep.validation.loop.recording import Recording
 from sidestep.validation.scenarios.scenario import load_scenario
-from sidestep.validation.studies.limits import PLANT_OPTION, Outcome, new_table, refuse_own, show, write_outcome
+from sidestep.validation.studies.limits import PLANT_OPTION, Outcome, refuse_own, write_outcome
 
 Array = NDArray[np.float64]
 
@@ -111,7 +113,7 @@ def optimum(plants: Sequence[str], overrides: Sequence[str], out: Path, command_
 
 
 def offline_optimum() -> dict[str, dict[str, float]]:
-    """What benchmarks/offline_optimum.py found, by scene: the fields of Peaks, sides and nodes."""
+    """What benchmarks/studies/offline_optimum.py found, by scene: the fields of Peaks, sides and nodes."""
     return json.loads(RESULTS.read_text(encoding="utf-8"))
 
 
@@ -144,12 +146,12 @@ def _peak(values: Array) -> float:
 def _table(rows: Sequence[OptimumRow]) -> Table:
     table = new_table(
         "Peaks, and their ratio to the offline optimum's", "scene", "plant", "|a_y|\n[m/s²]",
-        f"ratio\n<= {MAX_ACCELERATION}", "|jerk|\n[m/s³]", f"ratio\n<= {MAX_JERK}", "steer rate\n[rad/s]", "ratio", "",
+        f"ratio\n<= {MAX_ACCELERATION}", "|jerk|\n[m/s³]", f"ratio\n<= {MAX_JERK}", "steer rate\n[deg/s]", "ratio", "",
     )  # fmt: skip
     for row in rows:
         table.add_row(
             row.scene, row.plant, f"{row.lateral_acceleration:.2f}", f"{row.acceleration_ratio:.2f}",
-            f"{row.jerk:.1f}", f"{row.jerk_ratio:.2f}", f"{row.steer_rate:.3f}", f"{row.steer_rate_ratio:.2f}",
-            "[green]pass[/]" if row.passed else "[red]fail[/]",
+            f"{row.jerk:.1f}", f"{row.jerk_ratio:.2f}", f"{math.degrees(row.steer_rate):.2f}",
+            f"{row.steer_rate_ratio:.2f}", "[green]pass[/]" if row.passed else "[red]fail[/]",
         )  # fmt: skip
     return table

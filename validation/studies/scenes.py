@@ -10,6 +10,7 @@ from rich.table import Table
 
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
+from sidestep.validation.console import new_table, show
 from sidestep.validation.files import made, write_text, written_to
 from sidestep.validation.judge.feasibility import assess
 from sidestep.validation.judge.findings import Verdict
@@ -24,9 +25,7 @@ from sidestep.validation.studies.limits import (
     counted,
     in_parallel,
     kept_rows,
-    new_table,
     refuse_own,
-    show,
     upper_bound,
     write_outcome,
 )

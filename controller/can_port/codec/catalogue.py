@@ -23,7 +23,7 @@ from sidestep.controller.can_port.codec.mapped import (
     number_of,
 )
 from sidestep.controller.can_port.codec.mapped_profile import Field, profile_of
-from sidestep.controller.can_port.codec.messages import STEER_CMD, STEER_STATUS, ActuatorState
+from sidestep.controller.can_port.codec.messages import DRIVE_CMD, STEER_CMD, STEER_STATUS, ActuatorState
 from sidestep.controller.can_port.interface import Interface
 from sidestep.plant_models.errors import InputError
 
@@ -93,6 +93,7 @@ def mapped_bus(
         raise InputError(f"{path}: dbc", "names no database", "a file, or --dbc FILE")
     database, remarks = load_database(dbc or path.parent / file.dbc)
     catalogue = _moved(protection, file.identifiers, f"{path}: identifiers")
+    del catalogue[DRIVE_CMD.name]  # goes with our own STEER_CMD only
     catalogue[STEER_CMD.name] = _command(database, file.command, f"{path}: command", wheelbase)
     for k, table in enumerate(file.feedback):
         message = _feedback(database, table, f"{path}: feedback[{k}]", wheelbase)
@@ -140,6 +141,8 @@ def _command(database: Database, table: m.Command, where: str, wheelbase: float 
         numbers.append(number_of("SteerCmd_RateLimit", message, table.rate, f"{where}.rate"))
     if table.speed:
         numbers.append(number_of("SteerCmd_TargetSpeed", message, table.speed, f"{where}.speed"))
+    if table.acceleration:
+        numbers.append(number_of("DriveCmd_Acceleration", message, table.acceleration, f"{where}.acceleration"))
     switches = tuple(_switch(message, each, f"{where}.enable[{k}]") for k, each in enumerate(table.enable))
     return _message(message, table, where, "CTRL", tuple(numbers), switches=switches)
 

@@ -204,9 +204,13 @@ class ProtectedMessage:
         return next(s.high * s.scale for s in self.signals if s.name == name)
 
 
-@cache
 def messages(protection: Protection = "P02") -> dict[str, ProtectedMessage]:
-    """The protected messages of steer.dbc by name: those that travel."""
+    """The protected messages of steer.dbc by name: those that travel; the same objects at every call."""
+    return _messages(protection)
+
+
+@cache
+def _messages(protection: Protection) -> dict[str, ProtectedMessage]:
     travelling = (message for message in load_dbc(protection).messages if message.name != EXACT)
     return {message.name: _protected(message, protection) for message in travelling}
 

@@ -28,7 +28,7 @@ def page() -> str:
     """docs/can_messages.md."""
     database = load_dbc()
     head = (
-        "# The messages of steer.dbc\n\nMade by `python -m sidestep.controller.can_port.codec.export`; a test holds it "
+        "# The messages of steer.dbc\n\nMade by `python tools/pages.py`; a test holds it "
         "against the database. 500 kbit/s, standard\nidentifiers, little-endian, SI units, radians, ISO 8855 axes. "
         "Start values are the safe ones: what a frame carries\nwhen a number in it is not finite.\n"
     )
@@ -74,7 +74,3 @@ def _signal(signal: Signal) -> dict[str, Any]:
         "choices": {int(number): str(name) for number, name in (signal.choices or {}).items()},
         "comment": signal.comment, "receivers": signal.receivers,
     }  # fmt: skip
-
-
-if __name__ == "__main__":
-    print(page(), end="")

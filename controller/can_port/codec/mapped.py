@@ -20,7 +20,10 @@ UNITS = {
 """How much of a unit one of SI is."""
 
 
-_TWO_SIDED = ("SteerCmd_Angle", "SteerStatus_Angle", "SteerStatus_Rate", "VehDyn_YawRate", "VehDyn_AccLat")
+_TWO_SIDED = (
+    "SteerCmd_Angle", "DriveCmd_Acceleration", "SteerStatus_Angle", "SteerStatus_Rate", "VehDyn_YawRate",
+    "VehDyn_AccLat",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -137,6 +137,7 @@ class Command(MappedTable, frozen=True, kw_only=True):
         wheelbase: Of the car that the curvature is for, in [m].
         rate: Largest rate of the angle.
         speed: Speed to hold.
+        acceleration: Wanted now, negative to brake.
         enable: What has to be on for the angle to be followed.
     """
 
@@ -145,6 +146,7 @@ class Command(MappedTable, frozen=True, kw_only=True):
     wheelbase: float | None = None
     rate: Quantity | None = None
     speed: Quantity | None = None
+    acceleration: Quantity | None = None
     enable: tuple[Switch, ...] = ()
 
 

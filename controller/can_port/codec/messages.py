@@ -8,13 +8,15 @@ Every `decode_*` takes a frame that an `e2e.Receiver` accepted and never raises 
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import NamedTuple
+from math import isfinite, nan
+from typing import NamedTuple, get_args
 
-from sidestep.controller.can_port.codec.database import CYCLE, BusMessage, messages
+from sidestep.controller.can_port.codec.database import CYCLE, BusMessage, Protection, messages
 from sidestep.controller.can_port.protection.e2e_state import E2EState
 from sidestep.plant_models.signals import Status, SteeringCommand
 
 STEER_CMD = messages()["STEER_CMD"]
+DRIVE_CMD = messages()["DRIVE_CMD"]
 STEER_STATUS = messages()["STEER_STATUS"]
 CTRL_STATUS = messages()["CTRL_STATUS"]
 
@@ -77,7 +79,8 @@ class SteerFrame(NamedTuple):
     """A decoded STEER_CMD.
 
     Attributes:
-        command: The command; its angle is 0 unless enabled.
+        command: The command; its angle is 0 unless enabled. Its acceleration is not given, unless somebody else's
+            message carries one.
         enable: Whether the steering may follow the angle.
         rate_limit: Largest road-wheel rate the controller reckons with, in [rad/s].
         plausible: Whether `encode_steer_command` can have made it.
@@ -156,6 +159,7 @@ def encode_steer_command(
             "SteerCmd_Angle": command.steer_angle if enable else 0.0,
             "SteerCmd_RateLimit": rate_limit,
             "SteerCmd_TargetSpeed": command.target_speed,
+            "DriveCmd_Acceleration": command.acceleration,  # where somebody else's message has a place for it
             "SteerCmd_Status": command.status,
             "SteerCmd_Answers": CYCLE * (ANSWERS if answers is None else answers % ANSWERS),
         },
@@ -180,11 +184,45 @@ def decode_steer_command(data: bytes | bytearray, time: float, message: BusMessa
     enable = asked and ready and abs(angle) <= MAX_ANGLE
     plausible = enable or (angle == 0.0 and not asked and not ready)
     status = _STATUSES[int(values["SteerCmd_Status"])]
-    command = SteeringCommand(time, angle if enable else 0.0, values["SteerCmd_TargetSpeed"], status)
+    command = SteeringCommand(
+        time, angle if enable else 0.0, values["SteerCmd_TargetSpeed"], status,
+        acceleration=values.get("DriveCmd_Acceleration", nan) if enable else nan,
+    )  # fmt: skip
     answers = round(values["SteerCmd_Answers"] / CYCLE)
     return SteerFrame(
         command, enable, values["SteerCmd_RateLimit"], plausible, None if answers == ANSWERS else answers
     )  # fmt: skip
+
+
+def drive_message(steer: BusMessage) -> BusMessage | None:
+    """DRIVE_CMD in the protection of a STEER_CMD of ours; None beside somebody else's message."""
+    for protection in get_args(Protection):
+        ours = messages(protection)
+        if ours[STEER_CMD.name] is steer:
+            return ours[DRIVE_CMD.name]
+    return None
+
+
+def encode_drive_command(
+    command: SteeringCommand, counter: int, enable: bool = True, message: BusMessage = DRIVE_CMD
+) -> bytes:
+    """DRIVE_CMD frame of a command; without an acceleration, or one that is not finite, it says enable = 0.
+
+    Args:
+        command: What to send.
+        counter: Alive counter: that of the STEER_CMD of the same command.
+        enable: Whether the acceleration may be realised.
+        message: DRIVE_CMD in the protection to use.
+    """
+    given = enable and isfinite(command.acceleration)
+    values = {"DriveCmd_Enable": given, "DriveCmd_Acceleration": command.acceleration if given else 0.0}
+    return message.encode(values, counter)
+
+
+def decode_drive_command(data: bytes | bytearray, message: BusMessage = DRIVE_CMD) -> float:
+    """Acceleration of a checked DRIVE_CMD frame, in [m/s^2]; NaN if it is not to be realised."""
+    values = message.decode(data)
+    return values["DriveCmd_Acceleration"] if values["DriveCmd_Enable"] == 1 else nan
 
 
 def encode_steer_status(status: SteerStatus, counter: int, message: BusMessage = STEER_STATUS) -> bytes:

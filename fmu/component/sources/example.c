@@ -3,7 +3,8 @@
  *     cc example.c libsidestep.a -lm -o example        (or c++; or with libsidestep.so)
  *     echo "0.00 0.0 0.0 0.0 15.0 0.0 0.0 0.0" | ./example controller.setup
  *
- * A state is time, x, y, yaw, v_x, v_y, yaw_rate, steer_angle; a command steering angle, target speed, status. */
+ * A state is time, x, y, yaw, v_x, v_y, yaw_rate, steer_angle; a command steering angle, acceleration, target
+ * speed, status. */
 #include <stdio.h>
 #include "sidestep.h"
 
@@ -24,7 +25,8 @@ int main(int count, char **names) {
                  &state.v_y, &state.yaw_rate, &state.steer_angle) == 8) {
         sidestep_command command;
         if (sidestep_step(controller, &state, &obstacle, 1, &command)) fprintf(stderr, "input not used\n");
-        printf("%.17g %.17g %d\n", command.steer_angle, command.target_speed, (int)command.status);
+        printf("%.17g %.17g %.17g %d\n", command.steer_angle, command.acceleration, command.target_speed,
+               (int)command.status);
     }
     sidestep_free(controller);
     return 0;

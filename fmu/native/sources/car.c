@@ -4,8 +4,13 @@
 enum { N_INTEGRATED = STEER_ANGLE - FIRST_STATE }; /* the steering actuator is solved exactly instead */
 
 double asked_acceleration(const double v[], double speed) {
-    double acceleration = v[SPEED_GAIN] * (larger(v[TARGET_SPEED], 0.0) - speed);
-    return clip(acceleration, -v[MAX_BRAKING], v[MAX_ACCELERATION]);
+    double wanted = v[ACCELERATION];
+    if (!(wanted < NO_ACCELERATION)) {
+        wanted = v[SPEED_GAIN] * (larger(v[TARGET_SPEED], 0.0) - speed);
+        return clip(wanted, -v[MAX_BRAKING], v[MAX_ACCELERATION]);
+    }
+    if (wanted >= 0.0) return clip(wanted, 0.0, v[MAX_ACCELERATION]);
+    return larger(wanted, -v[MAX_BRAKING]) * clip(speed / HOLD_SPEED, -1.0, 1.0); /* brakes do not drive */
 }
 
 void pose_rates(const double s[], double rate[]) {

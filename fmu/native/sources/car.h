@@ -11,7 +11,7 @@ static inline double clip(double value, double low, double high) {
 }
 static inline double larger(double a, double b) { return a > b ? a : b; }
 
-/* Of the speed control, within the car's limits. */
+/* As commanded, or of the speed control; within the car's limits. */
 double asked_acceleration(const double v[], double speed);
 
 /* Rates of x, y and yaw; s points at the integrated states. */

@@ -6,11 +6,16 @@ from dataclasses import replace
 
 import can
 import pytest
-from frames import assert_same_but_quantised, slalom
+from support.can_port.frames import assert_same_but_quantised, slalom
 
 from sidestep.controller.can_port.bus.bus import Bus
 from sidestep.controller.can_port.codec.database import CYCLE, load_dbc, messages
-from sidestep.controller.can_port.codec.messages import STEER_CMD, decode_steer_command, encode_steer_command
+from sidestep.controller.can_port.codec.messages import (
+    STEER_CMD,
+    decode_drive_command,
+    decode_steer_command,
+    encode_steer_command,
+)
 from sidestep.controller.can_port.port import SteeringPort
 from sidestep.controller.can_port.protection.e2e import CheckStatus
 from sidestep.plant_models.errors import InputError
@@ -121,16 +126,20 @@ def test_log_decodes_back_to_the_commands_in_time(tmp_path):
     with SteeringPort("auto", tmp_path / "can.blf") as port:
         applied = [port.transmit(command) for command in commands]
     with can.BLFReader(tmp_path / "can.blf") as log:
-        frames = list(log)
-    assert [
-        decode_steer_command(frame.data, command.time).command for frame, command in zip(frames, commands, strict=True)
-    ] == applied
+        every = list(log)
+    drives, frames = every[0::2], every[1::2]
+    got = [
+        replace(decode_steer_command(frame.data, command.time).command, acceleration=decode_drive_command(drive.data))
+        for drive, frame, command in zip(drives, frames, commands, strict=True)
+    ]
+    assert got == applied
     assert [frame.timestamp for frame in frames] == pytest.approx([command.time for command in commands], abs=2e-9)
     theirs = load_dbc().get_message_by_name("STEER_CMD")
     assert all(theirs.decode(frame.data)["SteerCmd_Enable"] == "ON" for frame in frames)
     assert {(f.arbitration_id, f.is_extended_id, f.channel, f.is_rx, f.dlc) for f in frames} == {
         (0x101, False, 0, False, 8)
     }
+    assert {frame.arbitration_id for frame in drives} == {0x103}
 
 
 def test_log_holds_what_others_sent_too(tmp_path):
@@ -138,7 +147,9 @@ def test_log_holds_what_others_sent_too(tmp_path):
         other.send(can.Message(arbitration_id=0x123, data=b"\1\2", is_extended_id=False))
         port.transmit(SteeringCommand(0.25, 0.0, 15.0))
     with can.BLFReader(tmp_path / "can.blf") as log:
-        assert [(f.arbitration_id, f.is_rx, f.timestamp) for f in log] == [(0x123, True, 0.25), (0x101, False, 0.25)]
+        assert [(f.arbitration_id, f.is_rx, f.timestamp) for f in log] == [
+            (0x123, True, 0.25), (0x103, False, 0.25), (0x101, False, 0.25),
+        ]  # fmt: skip
 
 
 def test_log_is_complete_after_an_exception(tmp_path):
@@ -151,7 +162,7 @@ def test_log_is_complete_after_an_exception(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     with can.BLFReader(tmp_path / "can.blf") as log:
-        assert len(list(log)) == 10
+        assert [frame.arbitration_id for frame in log] == [0x103, 0x101] * 10
 
 
 def test_log_that_cannot_be_written(tmp_path):
@@ -173,7 +184,7 @@ def test_closing_twice_does_no_harm(tmp_path):
     port.close()
     assert (tmp_path / "can.blf").read_bytes() == written
     with can.LogReader(tmp_path / "can.blf") as log:
-        assert len(list(log)) == 1
+        assert [frame.arbitration_id for frame in log] == [0x103, 0x101]
 
 
 @pytest.mark.parametrize("protection", ["P05", "none"])

@@ -4,7 +4,7 @@ import daqp
 import numpy as np
 import piqp
 import pytest
-from qp_case import BMW, CONFIG, Qp
+from support.qp_case import BMW, CONFIG, Qp
 
 from sidestep.controller import SteeringController
 from sidestep.controller.mpc.discretise import exponential

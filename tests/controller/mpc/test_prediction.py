@@ -19,6 +19,7 @@ from sidestep.controller.mpc.prediction import (
     linearise,
     model_block,
     steady_gain,
+    tyre_lag,
 )
 from sidestep.controller.records import WORK, record
 from sidestep.controller.settings import settings_of
@@ -203,3 +204,19 @@ def test_wheels_without_lag_turn_as_they_are_told(lag):
     """Whatever the rest of the car does, realised and commanded angle stay one."""
     state = np.array([0.3, 0.02, -0.01, 0.2, 0.05, 0.05, 0.4, 0.0, 0.0, 0.0])
     assert (block(15.0, AFFINE._replace(lag=lag)) @ state)[4:6].tolist() == [0.4, 0.4]
+
+
+@pytest.mark.parametrize("balance", [0.6, 1.0, 1.6])
+def test_forces_that_lag_are_those_of_slip_angles_a_little_earlier(balance):
+    """F = C (alpha - lag alpha') put into Newton's two equations by numpy, for cars that under- and oversteer, too."""
+    speed, late = 18.0, AFFINE._replace(stiffness_f=balance * AFFINE.stiffness_f)
+    at_once, lagging = block(speed, late._replace(relaxation=0.0)), block(speed, late)
+    lag = tyre_lag(speed, late.stiffness_f + late.stiffness_r, late)
+    assert lag > 0.0
+    slips = np.array([[-1.0, -late.l_f / speed, 1.0], [-1.0, late.l_r / speed, 0.0]])  # of beta, gamma, delta
+    forces = np.array([[1.0 / (late.mass * speed), late.l_f / late.yaw_inertia],
+                       [1.0 / (late.mass * speed), -late.l_r / late.yaw_inertia]]).T  # fmt: skip
+    lost = lag * forces @ (np.array([[late.stiffness_f], [late.stiffness_r]]) * slips)
+    implicit = np.eye(2) + lost[:, :2]  # x' = f - lost (beta', gamma', delta')
+    expected = np.linalg.solve(implicit, at_once[2:4] - lost[:, 2:] @ at_once[4:5])
+    assert lagging[2:4] == pytest.approx(expected, rel=1e-9, abs=1e-12)

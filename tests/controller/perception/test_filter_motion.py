@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from filter_case import PERIOD, predicted, shown, state_at
+from support.filter_case import PERIOD, predicted, shown, state_at
 
 from sidestep.controller.mpc.car_model import Car
 from sidestep.controller.mpc.discretise import WIDTH

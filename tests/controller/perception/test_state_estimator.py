@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from filter_case import PERIOD, forward, shown
 from scipy.stats import chi2
+from support.filter_case import PERIOD, forward, shown
 
 from sidestep.controller.perception import state_estimator as layout
 from sidestep.controller.perception.estimator import EstimatorConfig, Measurement, StateEstimator

@@ -1,5 +1,5 @@
 import pytest
-from component_files import drive, load, scene_of
+from support.component import drive, load, scene_of
 
 from sidestep.fmu.component.build import shared_library
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from component_files import (
+from support.component import (
     ARENA,
     FOREIGN,
     INPUT,
@@ -26,9 +26,9 @@ from component_files import (
 )
 
 from sidestep.controller.records import OBSTACLES
+from sidestep.fmu.compiling.platforms import compile_library
 from sidestep.fmu.component.build import component_files, static_library
 from sidestep.fmu.component.records import abi, obstacle_rows
-from sidestep.fmu.native.platforms import compile_library
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.signals import Status

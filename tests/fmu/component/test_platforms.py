@@ -1,10 +1,10 @@
 """The component for other platforms: format, processor and exported functions."""
 
 import pytest
-from component_files import FUNCTIONS
+from support.component import FUNCTIONS
 
+from sidestep.fmu.compiling.platforms import PLATFORMS
 from sidestep.fmu.component.build import shared_library
-from sidestep.fmu.native.platforms import PLATFORMS
 
 MAGIC = {".so": b"\x7fELF", ".dll": b"MZ", ".dylib": b"\xcf\xfa\xed\xfe"}
 MACHINE = {"x86_64-linux": (18, 62), "aarch64-linux": (18, 183), "x86_64-darwin": (4, 7), "aarch64-darwin": (4, 12)}

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from component_files import scene_of, setup_for
+from support.component import scene_of, setup_for
 
 from sidestep.controller.records import MEMORY, record
 from sidestep.controller.settings import settings_of

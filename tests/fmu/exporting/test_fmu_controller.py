@@ -10,9 +10,9 @@ from contextlib import contextmanager
 from dataclasses import astuple, replace
 
 import pytest
-from component_files import command_of, in_process, scene_of
-from component_files import drive as drive_here
-from fmu_files import changed, reported_here
+from support.component import command_of, in_process, scene_of
+from support.component import drive as drive_here
+from support.fmus.fmu_files import changed, reported_here
 
 from sidestep.controller.records import LAYERS, OBSTACLES
 from sidestep.fmu.exporting.controller_variables import STATE
@@ -23,7 +23,7 @@ from sidestep.fmu.importing.instance import FmuInstance
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.obstacle import Obstacle
 
-COMMAND = ["steer_angle_command", "target_speed", "status"]
+COMMAND = ["steer_angle_command", "acceleration", "target_speed", "status"]
 OBSTACLE = ("s", "l", "length", "width", "heading", "speed", "time")
 
 
@@ -165,11 +165,11 @@ def test_samples_are_held_for_a_period_and_outputs_tell_of_it(driven):
         first = driver.step(driven[0][0], 0.01)
         held = driver.step(replace(driven[0][0], time=0.01, y=1.0), 0.01)
         assert held == first
-        assert driver.step(driven[1][0], 0.01)[:4] == [*driven[1][1], 0.02]
+        assert driver.step(driven[1][0], 0.01)[:5] == [*driven[1][1], 0.02]
     obstacle = scene.obstacles[0]
-    assert first[4] == pytest.approx(obstacle.s - obstacle.length / 2 - scene.vehicle.front_extent, abs=1e-9)
-    assert first[5:7] == [1.0, 0.0]  # no bound acts, no solver was asked
-    assert 1.0 < first[7] <= LAYERS + 1
+    assert first[5] == pytest.approx(obstacle.s - obstacle.length / 2 - scene.vehicle.front_extent, abs=1e-9)
+    assert first[6:8] == [1.0, 0.0]  # no bound acts, no solver was asked
+    assert 1.0 < first[8] <= LAYERS + 1
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
@@ -194,7 +194,7 @@ def test_path_corridor_and_prediction_are_those_of_the_plan(fmi, driven):
         driver = Driver(fmu, expected)
         for state, _ in driven:
             found = driver.step(state)
-    assert found[3:] == list(expected.values())
+    assert found[4:] == list(expected.values())
 
 
 def test_tuning_while_it_runs_keeps_the_memory(driven):
@@ -228,7 +228,7 @@ def test_a_state_that_is_not_measured(fmi, driven):
         for k in range(12):
             lost = replace(driven[20 + k][0], y=math.nan)
             assert driver.step(lost) == answer_of(controller, lost)
-        assert driver.outputs.values[2] == 3.0
+        assert driver.outputs.values[3] == 3.0
         assert driver.step(driven[32][0]) == answer_of(controller, driven[32][0])
 
 

@@ -17,14 +17,14 @@ from sidestep.controller import ControllerConfig, SteeringController
 from sidestep.fmu.exporting.controller_variables import STATE
 from sidestep.fmu.exporting.export import export_controller, start_plant
 from sidestep.fmu.exporting.ssp import write_ssp
-from sidestep.fmu.importing.plant import FmuPlant
+from sidestep.fmu.native.plant import native_plant
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.validation.scenarios.scenario import load_scenario
 
 SCENE = load_scenario("single-obstacle", ["controller.input_delay_steps=1", "controller.solver=active-set"])
 NAMES = [name for name, *_ in STATE]
-COMMANDS = ("steer_angle_command", "target_speed")
+COMMANDS = ("steer_angle_command", "target_speed", "acceleration")
 STEPS, PERIOD = 80, SCENE.controller.period
 
 
@@ -39,7 +39,7 @@ def pair(fmi):
 def our_loop(delayed, command=None, seen=None):
     """Lateral positions at every period, and of what is in force and seen first: None for u(t0) and x(t0)."""
     controller = SteeringController(SCENE.vehicle, SCENE.path, SCENE.obstacles, SCENE.controller)
-    with FmuPlant.native(SCENE.vehicle) as plant:
+    with native_plant(SCENE.vehicle) as plant:
         state = plant.reset(SCENE.start)
         rows = [state.y]
         for _ in range(STEPS):
@@ -129,7 +129,7 @@ def last_second(preset, delayed, delay_steps, period=0.1):
     """Largest lateral offset in the last of six seconds at 25 m/s, from 1.5 m off a free road, in [m]."""
     config = ControllerConfig.preset(preset, period=period, input_delay_steps=delay_steps, cruise_speed=25.0)
     controller, command, rows = SteeringController(SCENE.vehicle, SCENE.path, (), config), None, []
-    with FmuPlant.native(SCENE.vehicle) as plant:
+    with native_plant(SCENE.vehicle) as plant:
         state = plant.reset(VehicleState(y=1.5, v_x=25.0))
         for _ in range(round(6.0 / period)):
             answer = controller.step(state)

@@ -4,7 +4,7 @@ import subprocess
 from dataclasses import astuple, replace
 
 import pytest
-from component_files import in_process, scene_of
+from support.component import in_process, scene_of
 
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.obstacle import Obstacle
@@ -29,7 +29,7 @@ def driven():
     for _ in range(STEPS):
         command = controller.step(state)
         lines.append(" ".join(map(repr, map(float, astuple(state)))))
-        answers.append((command.steer_angle, command.target_speed, int(command.status)))
+        answers.append((command.steer_angle, command.acceleration, command.target_speed, int(command.status)))
         state = plant.step(command, 0.02)
     return "\n".join(lines), answers
 
@@ -54,7 +54,7 @@ def test_the_example_has_the_controllers_bits(compiler, library, exported, drive
         [program, exported / "controller.setup"], input=states, capture_output=True, text=True, check=True
     )
     found = [line.split() for line in done.stdout.splitlines()]
-    assert [(float(angle), float(speed), int(status)) for angle, speed, status in found] == answers
+    assert [(*map(float, numbers), int(status)) for *numbers, status in found] == answers
     assert done.stderr == ""
 
 

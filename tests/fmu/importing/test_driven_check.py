@@ -4,8 +4,8 @@ import sys
 from functools import partial
 
 import pytest
-from fmu_files import FOREIGN_MAP
-from odd_fmus import Odd
+from support.fmus.fmu_files import FOREIGN_MAP
+from support.fmus.odd_fmus import Odd
 
 from sidestep.fmu.importing.checks import driven_check
 from sidestep.fmu.importing.checks.driven_check import check_driven

@@ -3,15 +3,15 @@
 from pathlib import Path
 
 import pytest
-from fmu_files import FOREIGN_MAP, changed, description, patched, reported_here, unpacked
+from support.fmus.fmu_files import FOREIGN_MAP, changed, description, patched, reported_here, unpacked
 
+from sidestep.fmu.description.plants import MODELS
 from sidestep.fmu.importing.archive import unpack
 from sidestep.fmu.importing.checks import findings
 from sidestep.fmu.importing.checks.findings import check_fmu
 from sidestep.fmu.importing.mapping import Mapping
 from sidestep.fmu.importing.proposal import describe, propose_mapping
 from sidestep.fmu.native.build import build_fmu
-from sidestep.fmu.native.plants import MODELS
 from sidestep.plant_models.errors import InputError
 
 

@@ -11,12 +11,13 @@ from dataclasses import replace
 
 import pytest
 from fmpy.fmi1 import FMICallException
-from fmu_files import CAR, QUICK, START, binary, changed, description, patched, slalom
+from support.fmus.fmu_files import CAR, QUICK, START, binary, changed, description, patched, slalom
 
+from sidestep.fmu.compiling.platforms import compile_library
 from sidestep.fmu.importing.mapping import Mapping, Signal
 from sidestep.fmu.importing.plant import FmuPlant
 from sidestep.fmu.native.build import build_fmu
-from sidestep.fmu.native.platforms import compile_library
+from sidestep.fmu.native.plant import native_plant
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.signals import SteeringCommand
 
@@ -32,17 +33,6 @@ def unpacked(tmp_path, monkeypatch):
 
 def names(folder):
     return [file.name for file in folder.iterdir()]
-
-
-@pytest.fixture(params=[2, 3], ids=["FMI2", "FMI3"])
-def fmi(request):
-    return request.param
-
-
-@pytest.fixture
-def plant(fmi):
-    with FmuPlant.native(CAR, fmi=fmi) as plant:
-        yield plant
 
 
 @pytest.mark.parametrize(
@@ -75,7 +65,7 @@ def test_mapping_to_variables_that_are_not_there(unpacked):
     with pytest.raises(InputError, match="no variable 'gamma' in it; allowed: time, steer_angle_command"):
         FmuPlant.from_file(build_fmu(), Mapping(outputs=Mapping().outputs | {"yaw_rate": Signal("gamma")}))
     with pytest.raises(InputError, match="no variable 'colour'"):
-        FmuPlant.native(CAR, colour=3.0)
+        native_plant(CAR, colour=3.0)
     assert names(unpacked) == []
 
 
@@ -143,14 +133,14 @@ def test_binary_of_another_description_is_refused(fmi, tmp_path):
 
 
 def test_refused_parameter_says_why(fmi):
-    with FmuPlant.native(CAR, fmi=fmi, friction=-1.0) as plant, pytest.raises(PlantError) as caught:
+    with native_plant(CAR, fmi=fmi, friction=-1.0) as plant, pytest.raises(PlantError) as caught:
         plant.reset(START)
     assert "Set" in str(caught.value)
     assert "status 3 (error); friction must be at least 0, not -1" in str(caught.value)
 
 
 def test_discarded_step_names_function_status_and_time(fmi):
-    with FmuPlant.native(CAR, fmi=fmi, mass=1.0, yaw_inertia=1.0, internal_step=1.0) as plant:
+    with native_plant(CAR, fmi=fmi, mass=1.0, yaw_inertia=1.0, internal_step=1.0) as plant:
         plant.reset(START)
         with pytest.raises(PlantError, match=rf"fmi{fmi}DoStep failed at t = .* status 2 \(discard\); \w+ diverged"):
             slalom(plant, steps=1000, dt=1.0)
@@ -202,7 +192,7 @@ def test_misuse(plant):
 
 
 def test_fmi_calls_out_of_place(fmi):
-    with FmuPlant.native(CAR, fmi=fmi) as plant:
+    with native_plant(CAR, fmi=fmi) as plant:
         plant.reset(START)
         fmu, messages = plant._fmu._slave, plant._fmu._messages
         set_values, get_values = (fmu.setReal, fmu.getReal) if fmi == 2 else (fmu.setFloat64, fmu.getFloat64)
@@ -225,14 +215,14 @@ def test_fmi_calls_out_of_place(fmi):
 
 
 def test_closing_removes_what_was_unpacked(unpacked):
-    plant = FmuPlant.native(CAR)
+    plant = native_plant(CAR)
     assert len(names(unpacked)) == 1
     plant.reset(START)
     plant.close()
     plant.close()
     with pytest.raises(PlantError, match="before reset"):
         plant.step(SteeringCommand(0.0, 0.0, 15.0), 0.02)
-    forgotten = FmuPlant.native(CAR)
+    forgotten = native_plant(CAR)
     forgotten.reset(START)
     del forgotten
     gc.collect()
@@ -242,10 +232,10 @@ def test_closing_removes_what_was_unpacked(unpacked):
 def test_interpreter_exit_removes_what_was_unpacked(unpacked):
     program = (
         "import os\n"
-        "from sidestep.fmu.importing.plant import FmuPlant\n"
+        "from sidestep.fmu.native.plant import native_plant\n"
         "from sidestep.plant_models.signals import VehicleState\n"
         "from sidestep.plant_models.vehicle.parameters import VehicleParameters\n"
-        "plant = FmuPlant.native(VehicleParameters.preset('bmw-320i'))\n"
+        "plant = native_plant(VehicleParameters.preset('bmw-320i'))\n"
         "plant.reset(VehicleState(v_x=10.0))\n"
         "print(len(os.listdir(os.environ['TMPDIR'])))\n"
     )

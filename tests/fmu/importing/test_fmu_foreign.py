@@ -5,15 +5,16 @@ from dataclasses import astuple
 
 import numpy as np
 import pytest
-from fmu_files import CAR, FOREIGN_MAP, QUICK, binary, changed, description, patched, slalom, unpacked
+from support.fmus.fmu_files import CAR, FOREIGN_MAP, QUICK, binary, changed, description, patched, slalom, unpacked
 
 from sidestep.controller import SteeringController
+from sidestep.fmu.compiling.platforms import compile_library
+from sidestep.fmu.description.plants import find_model, model_values
 from sidestep.fmu.importing.estimation import Estimator
 from sidestep.fmu.importing.mapping import OUTPUTS, Mapping
 from sidestep.fmu.importing.plant import FmuPlant
 from sidestep.fmu.native.build import build_fmu
-from sidestep.fmu.native.plants import find_model, model_values
-from sidestep.fmu.native.platforms import compile_library
+from sidestep.fmu.native.plant import native_plant
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
@@ -39,7 +40,7 @@ def test_both_scenes_by_a_mapping_file_alone(foreign, name):
 
 
 def test_foreign_units_signs_and_estimates_meet_our_own_car(foreign):
-    with FmuPlant.from_file(*foreign) as theirs, FmuPlant.native(CAR, fmi=2) as ours:
+    with FmuPlant.from_file(*foreign) as theirs, native_plant(CAR, fmi=2) as ours:
         theirs.reset(START)
         ours.reset(START)
         found, expected = slalom(theirs, 200, 0.01), slalom(ours, 200, 0.01)
@@ -177,7 +178,7 @@ def test_a_discarded_step_is_made_in_halves(tmp_path):
         picky = patched(tmp_path / str(fmi), fmi, "    Status status = engine_step(instance, time, duration);",
                         "    if (duration > 0.006) return DISCARD;\n"
                         "    Status status = engine_step(instance, time, duration);")  # fmt: skip
-        with FmuPlant.from_file(picky, vehicle=CAR) as plant, FmuPlant.native(CAR, fmi=fmi) as free:
+        with FmuPlant.from_file(picky, vehicle=CAR) as plant, native_plant(CAR, fmi=fmi) as free:
             plant.reset(START)
             free.reset(START)
             np.testing.assert_allclose(slalom(plant, 60), slalom(free, 60), rtol=0, atol=1e-6)
@@ -192,14 +193,14 @@ def test_an_early_return_is_taken_up_where_it_ended(tmp_path):
                                              "*event = *end = fmi3False, *early = part;"))  # fmt: skip
     compile_library(tmp_path / "sources", tmp_path / "binary", QUICK)
     changed(early, tmp_path / "early.fmu", {binary(3): (tmp_path / "binary").read_bytes()})
-    with FmuPlant.from_file(tmp_path / "early.fmu", vehicle=CAR) as plant, FmuPlant.native(CAR) as whole:
+    with FmuPlant.from_file(tmp_path / "early.fmu", vehicle=CAR) as plant, native_plant(CAR) as whole:
         plant.reset(START)
         whole.reset(START)
         np.testing.assert_allclose(slalom(plant, 60), slalom(whole, 60), rtol=0, atol=1e-6)
 
 
 def test_many_instances_leave_memory_as_it_was():
-    with FmuPlant.native(CAR) as plant:
+    with native_plant(CAR) as plant:
 
         def cycle(count):
             for _ in range(count):

@@ -8,8 +8,8 @@ from multiprocessing import Pipe
 from pathlib import Path
 
 import pytest
-from endings import ends
-from fmu_files import START, patched
+from support.fmus.endings import ends
+from support.fmus.fmu_files import START, patched
 
 from sidestep.controller import SteeringController
 from sidestep.fmu.importing import isolation

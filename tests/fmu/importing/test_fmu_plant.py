@@ -6,27 +6,17 @@ from dataclasses import astuple, replace
 import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
-from fmu_files import CAR, START, changed, description, slalom
+from support.fmus.fmu_files import CAR, START, changed, description, slalom
 
 from sidestep.fmu.importing.mapping import OUTPUTS, Mapping
 from sidestep.fmu.importing.plant import FmuPlant
 from sidestep.fmu.native.build import build_fmu
+from sidestep.fmu.native.plant import native_plant
 from sidestep.plant_models.checks.check_plant import check_plant
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-
-
-@pytest.fixture(params=[2, 3], ids=["FMI2", "FMI3"])
-def fmi(request):
-    return request.param
-
-
-@pytest.fixture
-def plant(fmi):
-    with FmuPlant.native(CAR, fmi=fmi) as plant:
-        yield plant
 
 
 def test_it_is_a_plant(plant):
@@ -44,17 +34,17 @@ def test_reset_puts_the_car_there_again_and_again(plant):
 def test_both_standards_give_the_same_bits():
     rows = []
     for fmi in (2, 3):
-        with FmuPlant.native(CAR, fmi=fmi) as plant:
+        with native_plant(CAR, fmi=fmi) as plant:
             plant.reset(START)
             rows.append(slalom(plant))
     np.testing.assert_array_equal(*rows)
 
 
 def test_instances_do_not_know_of_each_other(fmi):
-    with FmuPlant.native(CAR, fmi=fmi) as alone:
+    with native_plant(CAR, fmi=fmi) as alone:
         alone.reset(START)
         expected = slalom(alone)
-    with FmuPlant.native(CAR, fmi=fmi) as one, FmuPlant.native(CAR, friction=0.3, fmi=fmi) as other:
+    with native_plant(CAR, fmi=fmi) as one, native_plant(CAR, friction=0.3, fmi=fmi) as other:
         one.reset(START)
         other.reset(replace(START, v_x=25.0))
         rows = []
@@ -131,7 +121,7 @@ def test_renamed_and_scaled_variables(fmi, tmp_path):
         '[outputs]\nyaw_rate = { variable = "psi_dot", scale = 0.017453292519943295 }\n'
         '[start]\nv_x = "v0"\n[parameters]\nfriction = 0.7\n'
     )
-    with FmuPlant.from_file(foreign, table) as plant, FmuPlant.native(CAR, friction=0.7) as own:
+    with FmuPlant.from_file(foreign, table) as plant, native_plant(CAR, friction=0.7) as own:
         plant.reset(VehicleState(v_x=15.0, steer_angle=0.01))
         own.reset(VehicleState(v_x=15.0))
         for _ in range(50):
@@ -143,14 +133,14 @@ def test_renamed_and_scaled_variables(fmi, tmp_path):
 
 def test_own_fmu_from_a_file_takes_the_vehicle():
     van = VehicleParameters.preset("vw-vanagon")
-    with FmuPlant.from_file(build_fmu(), vehicle=van) as plant, FmuPlant.native(van) as native:
+    with FmuPlant.from_file(build_fmu(), vehicle=van) as plant, native_plant(van) as native:
         plant.reset(START)
         native.reset(START)
         np.testing.assert_array_equal(slalom(plant), slalom(native))
 
 
 def test_linear_fmu_equals_the_linear_plant():
-    with FmuPlant.native(CAR, model="linear") as fmu:
+    with native_plant(CAR, model="linear") as fmu:
         plant = LinearPlant(CAR)
         start = replace(START, yaw_rate=0.0, v_y=0.0)
         fmu.reset(start)

@@ -14,15 +14,16 @@ import fmpy
 import numpy as np
 import pytest
 from fmpy.validation import validate_fmu
-from fmu_files import QUICK
 from PIL import Image
+from support.fmus.fmu_files import QUICK
 
+from sidestep.fmu.compiling import platforms
+from sidestep.fmu.compiling.platforms import PLATFORMS, CompilerError, compile_library
 from sidestep.fmu.description.icon import SIZE, draw_icon
+from sidestep.fmu.description.plants import MODELS, vehicle_values
 from sidestep.fmu.description.variables import ATTRIBUTES, UNITS
-from sidestep.fmu.native import build, platforms
+from sidestep.fmu.native import build
 from sidestep.fmu.native.build import build_fmu
-from sidestep.fmu.native.plants import MODELS, vehicle_values
-from sidestep.fmu.native.platforms import PLATFORMS, CompilerError, compile_library
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 
@@ -145,11 +146,11 @@ def test_expected_output_is_what_another_importer_gets(model, fmi, tmp_path):
     with zipfile.ZipFile(file) as archive:
         table = archive.extract("documentation/expected_output.csv", tmp_path)
     expected = np.genfromtxt(table, delimiter=",", names=True)
-    inputs = expected[["time", "steer_angle_command", "target_speed"]]
+    inputs = expected[["time", "steer_angle_command", "target_speed", "acceleration"]]
     held = np.repeat(inputs, 2)[1:-1]  # fmpy interpolates: a step stands as two rows at the same time
     held["time"][0::2] = inputs["time"][:-1]
     held["time"][1::2] = inputs["time"][1:]
-    for name in ("steer_angle_command", "target_speed"):
+    for name in ("steer_angle_command", "target_speed", "acceleration"):
         held[name][1::2] = held[name][0::2]
     names = [row.name for _, row in MODELS[model].of_kind("state")]
     found = fmpy.simulate_fmu(str(file), stop_time=4.0, output_interval=0.02, input=held, output=names)

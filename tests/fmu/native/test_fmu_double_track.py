@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fmu_files import CAR
-from integration import integrate
-from native_drive import drive, read
+from support.fmus.fmu_files import CAR
+from support.fmus.integration import integrate
+from support.fmus.native_drive import drive, read
 
 from sidestep.fmu.exporting.export import start_plant
-from sidestep.fmu.importing.plant import FmuPlant
+from sidestep.fmu.native.plant import native_plant
 from sidestep.plant_models.checks.check_plant import check_plant
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
@@ -29,7 +29,7 @@ SHIFTED = replace(CAR.tyre, p_hy1=0.002, p_vy1=0.02, p_vy2=0.01, p_ey1=-1.0, p_e
 
 
 def plant_of(car=CAR, **parameters):
-    return FmuPlant.native(car, model="double-track", **parameters)
+    return native_plant(car, model="double-track", **parameters)
 
 
 def rates(state, steer_command, target_speed, car, friction):
@@ -173,7 +173,7 @@ def test_without_width_and_height_it_is_the_single_track():
     def command(t):
         return 0.15 * math.sin(3 * t), 12.0
 
-    with FmuPlant.native(narrow(1.0)) as single:
+    with native_plant(narrow(1.0)) as single:
         expected = drive(single, VehicleState(v_x=15.0), command, 2.0)
     gaps = []
     for track in (0.5, 0.25):
@@ -193,7 +193,7 @@ def test_load_transfer_costs_grip_where_tyres_are_sensitive_to_load_and_only_the
     def accelerations(tyre):
         """At the limit, on two tracks and on one, in [m/s^2]."""
         car = low.with_(tyre=tyre)
-        with plant_of(car) as double, FmuPlant.native(car) as single:
+        with plant_of(car) as double, native_plant(car) as single:
             for plant in (double, single):
                 drive(plant, VehicleState(v_x=20.0), lambda t: (0.2, 20.0), 1.5)
             loads = read(double, *LOADS)

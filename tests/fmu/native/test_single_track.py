@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from integration import integrate
-from native_drive import drive, read
+from support.fmus.integration import integrate
+from support.fmus.native_drive import drive, read
 
-from sidestep.fmu.importing.plant import FmuPlant
+from sidestep.fmu.compiling.platforms import compile_library
+from sidestep.fmu.description.plants import MODELS, vehicle_values
 from sidestep.fmu.native.build import source_files
-from sidestep.fmu.native.plants import MODELS, vehicle_values
-from sidestep.fmu.native.platforms import compile_library
+from sidestep.fmu.native.plant import native_plant
 from sidestep.plant_models.linear.bicycle import continuous
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.plant_models.tyres.formula import cornering_stiffness, lateral_force, tyre_forces
@@ -81,7 +81,7 @@ def rates(state, steer_command, target_speed, car, friction):
 )
 def test_fmu_equals_an_independent_integration(car, friction, start, command):
     expected = integrate(lambda *now: rates(*now, car, friction), start, 2, command, 1.6)
-    with FmuPlant.native(car, friction=friction, internal_step=0.0005) as plant:
+    with native_plant(car, friction=friction, internal_step=0.0005) as plant:
         found = drive(plant, start, command, 1.6)
     np.testing.assert_allclose(found[:, 1:], expected[:, COMMON], rtol=0, atol=1e-6)
     assert np.abs(expected[:, 4]).max() > 0.05  # the manoeuvre is one
@@ -137,7 +137,7 @@ def test_tyre_law_is_the_one_of_the_tyre_module(core, tyre):
 
 @pytest.fixture
 def plant():
-    with FmuPlant.native(CAR) as plant:
+    with native_plant(CAR) as plant:
         yield plant
 
 
@@ -158,7 +158,7 @@ def test_steps_that_are_no_multiple_of_the_internal_step(plant):
 
 def test_integration_is_of_fourth_order():
     def end(step):
-        with FmuPlant.native(CAR, internal_step=step) as plant:
+        with native_plant(CAR, internal_step=step) as plant:
             return drive(plant, VehicleState(v_x=15.0), lambda t: (0.03 * math.sin(t), 15.0), 1.0, 0.02)[-1, 1:7]
 
     fine, errors = end(0.0002), []
@@ -195,7 +195,7 @@ def test_left_and_right_are_mirror_images_to_the_last_bit(plant):
 
 @pytest.mark.parametrize("friction", [1.0, 0.3])
 def test_friction_limits_lateral_acceleration(friction):
-    with FmuPlant.native(CAR, friction=friction) as plant:
+    with native_plant(CAR, friction=friction) as plant:
         drive(plant, VehicleState(v_x=20.0), lambda t: (0.2, 20.0), 1.5)
         acceleration = read(plant, "lateral_acceleration")[0]
     limit = CAR.tyre.p_dy1 * friction * GRAVITY
@@ -239,14 +239,14 @@ def test_steering_keeps_its_limits(plant):
 
 
 def test_steering_without_lag_stops_on_the_command():
-    with FmuPlant.native(CAR.with_(steer_time_constant=0.0)) as plant:
+    with native_plant(CAR.with_(steer_time_constant=0.0)) as plant:
         rows = drive(plant, VehicleState(v_x=2.0), lambda t: (-0.1, 2.0), 0.4)
         np.testing.assert_allclose(rows[:, 7], -np.minimum(0.4 * rows[:, 0], 0.1), atol=1e-15)
         assert read(plant, "der(steer_angle)")[0] == 0.0
 
 
 def test_a_misaligned_steering_turns_the_car_unseen():
-    with FmuPlant.native(CAR, steer_offset=0.02) as plant, FmuPlant.native(CAR) as straight:
+    with native_plant(CAR, steer_offset=0.02) as plant, native_plant(CAR) as straight:
         hidden = drive(plant, VehicleState(v_x=10.0), lambda t: (0.0, 10.0), 3.0)[-1]
         true = drive(straight, VehicleState(v_x=10.0, steer_angle=0.02), lambda t: (0.02, 10.0), 3.0)[-1]
     np.testing.assert_allclose(hidden[:7], true[:7], rtol=0, atol=1e-12)

@@ -73,7 +73,7 @@ def test_halving_the_substep_divides_the_error_by_sixteen():
 
     def end(substeps):
         motion = np.array([0.0, 0.0, 0.0, 15.0, 0.3, -0.2])
-        advance(motion, 0.01, 0.02, 14.5, 0.2, substeps, parameters)
+        advance(motion, 0.01, 0.02, (14.5, math.nan), 0.2, substeps, parameters)
         return motion
 
     truth = end(2000)

@@ -111,7 +111,7 @@ def test_a_payload_and_a_shifted_centre_go_into_the_body():
 def test_obstacles_are_boxes_of_their_size_that_only_the_hull_meets():
     model, data = car(BMW, [Obstacle(0.0, 0.0, 4.0, 2.0), Obstacle(50.0, 0.0, 1.0, 1.0)])
     assert model.geom("obstacle0").size[:2] == pytest.approx([2.0, 1.0])
-    data.mocap_pos[1] = 50.0, 0.0, 0.0
+    data.mocap_pos[:] = (0.0, 0.0, 0.0), (50.0, 0.0, 0.0)
     mujoco.mj_forward(model, data)
     hull, box = model.geom("hull").id, model.geom("obstacle0").id
     touching = {tuple(sorted(pair)) for pair in data.contact.geom.tolist()}

@@ -81,6 +81,15 @@ def test_the_civic_is_what_the_others_are_scaled_from():
     assert civic.l_f == pytest.approx(1.08)
 
 
+def test_inertia_of_the_body_grows_with_its_mass_and_the_square_of_its_size():
+    cars = [VehicleParameters.preset(name) for name in library_cars()]
+    shares = [(car.suspension, car, 0.5 * (car.suspension.track_front + car.suspension.track_rear)) for car in cars]
+    roll = [s.roll_inertia / (car.mass * width**2) for s, car, width in shares]
+    pitch = [s.pitch_inertia / (car.mass * car.wheelbase**2) for s, car, _ in shares]
+    assert max(roll) == pytest.approx(min(roll), rel=0.01)
+    assert max(pitch) == pytest.approx(min(pitch), rel=0.01)
+
+
 def test_a_name_that_is_none_gets_the_closest():
     with pytest.raises(InputError, match=r"did you mean honda-civic-20\d\d\?; allowed: bmw-320i, ford-escort, vw-"):
         VehicleParameters.preset("honda-civic")

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from sidestep.controller.mpc.car_model import Car, axle_force
-from sidestep.fmu.native.plants import vehicle_values
+from sidestep.fmu.description.plants import vehicle_values
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.ranges import bounded_fields
 from sidestep.plant_models.tyres.formula import cornering_stiffness

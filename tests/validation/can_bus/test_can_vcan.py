@@ -10,7 +10,7 @@ from contextlib import ExitStack, contextmanager
 
 import can
 import pytest
-from frames import assert_same_but_quantised, slalom
+from support.can_port.frames import assert_same_but_quantised, slalom
 
 from sidestep.controller.can_port.actuator import Actuator
 from sidestep.controller.can_port.bus.bus import Bus, can_interfaces, resolve_spec

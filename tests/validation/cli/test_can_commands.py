@@ -1,12 +1,7 @@
-"""`sidestep can ...` in one process: database, monitor, logs, replay and faults; the two nodes over multicast."""
+"""`sidestep can ...` in one process: database, monitor, logs, replay and faults."""
 
 import json
-import os
-import signal
-import subprocess
-import sys
 from pathlib import Path
-from threading import Thread
 
 import can
 import cantools.database
@@ -17,8 +12,7 @@ from sidestep.controller.can_port.bus.candump import candump_line
 from sidestep.controller.can_port.bus.faults import FaultSpec
 from sidestep.controller.can_port.bus.log import open_log, read_log
 from sidestep.controller.can_port.codec.database import load_dbc
-from sidestep.controller.can_port.codec.export import FORMATS, exported, page
-from sidestep.controller.can_port.codec.messages import decode_steer_command
+from sidestep.controller.can_port.codec.export import FORMATS, exported
 from sidestep.controller.can_port.nodes import ControllerNode
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.linear.plant import LinearPlant
@@ -29,7 +23,6 @@ from sidestep.validation.can_bus.corruption import corrupt
 from sidestep.validation.can_bus.drive import drive_virtual
 from sidestep.validation.can_bus.monitor import Observer, monitor
 from sidestep.validation.cli.main import main
-from sidestep.validation.report import report
 from sidestep.validation.scenarios.scenario import load_scenario
 
 DOCS = Path(__file__).parents[3] / "docs"
@@ -72,10 +65,6 @@ def test_the_fd_database(capsys):
     assert main(["can", "dbc", "--format", "json", "--fd"]) == 0
     printed = json.loads(capsys.readouterr().out)["messages"]
     assert {m["length"] for m in printed if m["name"] != "STATE_EXACT"} == {12}
-
-
-def test_the_page_of_messages_is_the_database_s():
-    assert (DOCS / "can_messages.md").read_text(encoding="utf-8") == page()
 
 
 @pytest.mark.parametrize("ending", [".blf", ".asc", ".log", ".csv"])
@@ -264,56 +253,3 @@ def test_usage(capsys):
         with pytest.raises(SystemExit) as done:
             main(arguments)
         assert done.value.code == 2
-
-
-# --- two processes
-
-
-def node(*arguments):
-    return subprocess.Popen([sys.executable, "-m", "sidestep.validation", "can", *arguments])
-
-
-def test_interrupted_nodes_complete_their_logs_and_the_last_command_is_not_enabled(
-    multicast_spec,
-    tmp_path,
-    monkeypatch,
-):
-    monkeypatch.setattr(report, "run_report", lambda run: "<!doctype html>")
-    common = ["single-obstacle", "--can", multicast_spec]
-    with Bus(multicast_spec) as bus, node("drive", *common, "--out", str(tmp_path / "c")) as controller:
-
-        def interrupt_when_it_steers():
-            if any(map(_enabled, iter(lambda: bus.receive(60.0), None))):
-                controller.send_signal(signal.SIGTERM)
-                os.kill(os.getpid(), signal.SIGINT)
-
-        Thread(target=interrupt_when_it_steers).start()
-        assert main(["can", "plant", *common, "--plant", "linear", "--out", str(tmp_path / "p")]) == 130
-        assert controller.wait(60.0) == 130
-    for name, other in (("c", 0x201), ("p", 0x101)):
-        assert json.loads((tmp_path / name / "summary.json").read_text())["can"]["refused"] == 0
-        assert other in {frame.arbitration_id for frame in read_log(tmp_path / name / "can.blf")}
-    logged = [frame for frame in read_log(tmp_path / "c" / "can.blf") if frame.arbitration_id == 0x101]
-    assert any(map(_enabled, logged))
-    assert not _enabled(logged[-1])
-
-
-def _enabled(message):
-    return message.arbitration_id == 0x101 and decode_steer_command(message.data, 0.0).enable
-
-
-def test_two_processes_drive_over_multicast(multicast_spec, tmp_path, monkeypatch):
-    monkeypatch.setattr(report, "run_report", lambda run: "<!doctype html>")  # test_report.py looks at it
-    common = ["single-obstacle", "--can", multicast_spec, "--set", "duration=1.0", "--set", "obstacles=[]"]
-    with node("drive", *common, "--out", str(tmp_path / "c")) as controller:
-        status = main(["can", "plant", *common, "--plant", "linear", "--out", str(tmp_path / "p")])
-        assert controller.wait(30.0) in (0, 1)
-    assert {file.name for file in (tmp_path / "p").iterdir()} == {
-        "can.blf", "recording.csv", "report.html", "steps.csv", "summary.json",
-    }  # fmt: skip
-    assert {file.name for file in (tmp_path / "c").iterdir()} == {"can.blf", "summary.json"}
-    theirs = json.loads((tmp_path / "p" / "summary.json").read_text())
-    assert status == (theirs["verdict"] != "pass")
-    if not theirs["can"]["skipped"]:  # a machine that stands still is told, and no pass
-        assert theirs["verdict"] == "pass"
-    assert theirs["can"]["refused"] == theirs["can"]["implausible"] == 0

@@ -126,6 +126,8 @@ def test_to_follow_is_a_pass_only_close_behind_what_moves_on():
         (15.0, 20.0, False),
         (3.0, 0.87, False),
         (3.0, 2.6, True),
+        (2.0, 2.7, False),
+        (2.0, 2.45, True),
     ],
 )
 def test_the_speed_held_is_compared_with_the_speed_told(told, driven, held):
@@ -134,6 +136,22 @@ def test_the_speed_held_is_compared_with_the_speed_told(told, driven, held):
     assert (judged.label != "speed not held") is held
     assert judged.progress.held_speed == pytest.approx(driven)
     assert judged.progress.commanded_speed == pytest.approx(told)
+
+
+def test_what_only_the_full_speed_comes_to_is_not_due():
+    """Avoidance takes a little: what lies beyond nine tenths of the asked way is out of reach, not left out."""
+    way = asked_drive(SCENE, 0.0)[1][-1]
+    for station, due in ((0.88 * way, True), (0.95 * way, False)):
+        went = progress(drive(STEADY[:200]), scene(Obstacle(station + CAR.front_extent + 0.5, 0.0, 1.0, 1.8)))
+        assert (went.unpassed, went.out_of_reach) == (((0,), ()) if due else ((), (0,)))
+
+
+def test_the_speed_control_on_paper_begins_with_the_first_sample():
+    """A plant that jumps to its speed: a car like this would not have settled yet."""
+    speeds = np.full(230, 15.0)
+    assert progress(drive(speeds, told=15.0), SCENE).held_speed == pytest.approx(15.0)
+    speeds[0] = 0.0
+    assert progress(drive(speeds, told=15.0), SCENE).held_speed is None
 
 
 def test_a_speed_is_not_compared_before_it_could_be_reached():

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
-from fmu_files import FOREIGN_MAP
-from stand_in import KinematicCar
+from support.fmus.fmu_files import FOREIGN_MAP
+from support.stand_in import KinematicCar
 
 from sidestep.controller import Plan
 from sidestep.plant_models.errors import InputError
@@ -42,7 +42,7 @@ class Halting:
     plan: Plan | None = None
 
     def __post_init__(self) -> None:
-        from stand_in import straight_plan
+        from support.stand_in import straight_plan
 
         self.plan = straight_plan(VehicleState())
 

@@ -1,8 +1,8 @@
 """The quick check before a drive: what is refused, what is a warning, and an FMU that starts but once."""
 
 import pytest
-from fmu_files import FOREIGN_MAP
-from odd_fmus import Odd
+from support.fmus.fmu_files import FOREIGN_MAP
+from support.fmus.odd_fmus import Odd
 
 from sidestep.fmu.importing import isolation
 from sidestep.plant_models.errors import InputError

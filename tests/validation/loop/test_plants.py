@@ -12,6 +12,7 @@ from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.signals import SteeringCommand
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
+from sidestep.validation.cli.arguments import PLANTS
 from sidestep.validation.cli.main import main
 from sidestep.validation.loop import plant_factory, plants
 from sidestep.validation.loop.plants import BUILT_IN, PLANT_KINDS, ROLLING, PlantKind, open_plant
@@ -68,6 +69,7 @@ def scene(kind, *overrides):
 
 def test_built_in_kinds_are_entries_like_any_other(monkeypatch):
     assert PLANT_KINDS == ("linear", "single-track", "double-track", "mujoco")
+    assert PLANTS.split(", ")[: len(PLANT_KINDS)] == list(PLANT_KINDS)
     assert ROLLING == ("double-track", "mujoco")
     monkeypatch.setitem(BUILT_IN, "mine", PlantKind(lambda scenario, vehicle: LinearPlant(vehicle)))
     with open_plant(scene("mine")) as plant:
@@ -98,7 +100,7 @@ def test_what_would_make_no_difference_is_refused(kind, setting, at_root):
 
 
 def test_every_setting_is_known_to_some_plant():
-    known = {name for kind in (*BUILT_IN.values(), plants._FMU) for name in kind.knows}
+    known = {name for kind in (*BUILT_IN.values(), *plants.BY_ENDING.values()) for name in kind.knows}
     assert known | set(plants._COMMON) == set(PlantSettings.__dataclass_fields__)
 
 

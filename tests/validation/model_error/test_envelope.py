@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from sidestep.fmu.importing.plant import FmuPlant
+from sidestep.fmu.native.plant import native_plant
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
@@ -57,7 +58,7 @@ def test_euler_is_worse_at_small_angles_and_unstable_when_slow():
 
 def test_the_affine_model_follows_the_magic_formula_where_the_linear_one_cannot():
     """Both start from the same stiffness: what is left of the linear model's error is the bend of the tyres' curve."""
-    with FmuPlant.native(CAR) as plant:
+    with native_plant(CAR) as plant:
         for a_y, share in ((2.0, 0.3), (6.0, 0.45)):
             linear, _, affine = cell_errors(plant, CAR, 1.0, cell_manoeuvres(25.0, a_y, 0.0)).tolist()
             assert affine < share * linear
@@ -144,7 +145,7 @@ def test_a_plant_that_gives_up_leaves_a_gap(monkeypatch):
 
 
 def test_an_fmu_is_driven_on_other_friction_if_it_has_the_parameter():
-    with FmuPlant.native(CAR) as plant, FmuPlant.native(CAR, model="linear") as linear:
+    with native_plant(CAR) as plant, native_plant(CAR, model="linear") as linear:
         files = [str(plant.path), str(linear.path)]
     scenarios = [open_loop_scenario([f'plant.kind="{file}"']) for file in files]
     assert [frictions_of(scenario) for scenario in scenarios] == [FRICTIONS, FRICTIONS[:1]]
@@ -157,14 +158,14 @@ def test_an_fmu_is_driven_on_other_friction_if_it_has_the_parameter():
 
 
 def test_what_stands_before_an_fmu_lets_its_friction_through():
-    with FmuPlant.native(CAR) as plant, FmuPlant.native(CAR, model="linear") as linear:
+    with native_plant(CAR) as plant, native_plant(CAR, model="linear") as linear:
         files = [str(plant.path), str(linear.path)]
     scenarios = [open_loop_scenario([f'plant.kind="{file}"', "plant.delay=0.02"]) for file in files]
     assert [frictions_of(scenario) for scenario in scenarios] == [FRICTIONS, FRICTIONS[:1]]
 
 
 def test_friction_of_an_fmu_is_set_or_refused(foreign):
-    with FmuPlant.native(CAR) as plant:
+    with native_plant(CAR) as plant:
         file = plant.path
     with FmuPlant.from_file(file, friction=0.6) as plant:
         assert plant.mapping.parameters["friction"] == 0.6
@@ -174,7 +175,7 @@ def test_friction_of_an_fmu_is_set_or_refused(foreign):
 
 
 def test_numerics_are_below_a_percent_of_the_model_error():
-    with FmuPlant.native(CAR) as plant:
+    with native_plant(CAR) as plant:
         found = step_halving(plant, "single-track", CAR, 15.0, 4.0)
     assert [s.model for s in found] == list(MODELS)
     assert all(s.passed for s in found)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from sidestep.fmu.importing.plant import FmuPlant
+from sidestep.fmu.native.plant import native_plant
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 from sidestep.validation.manoeuvres.catalogue import Manoeuvre, Ramp, Sine
 from sidestep.validation.manoeuvres.open_loop import Response, drive
@@ -15,7 +15,7 @@ CAR = VehicleParameters.preset("bmw-320i")
 
 
 def driven(car: VehicleParameters, model: str, manoeuvre: Manoeuvre) -> Response:
-    with FmuPlant.native(car, model=model) as plant:
+    with native_plant(car, model=model) as plant:
         return drive(plant, manoeuvre, CAR)
 
 

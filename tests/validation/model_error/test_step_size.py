@@ -1,7 +1,7 @@
 """Step halving says so where it shows nothing."""
 
 import pytest
-from odd_fmus import Odd
+from support.fmus.odd_fmus import Odd
 
 from sidestep.fmu.importing.plant import FmuPlant
 from sidestep.plant_models.vehicle.parameters import VehicleParameters

@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from html_page import check_self_contained
-from stored_runs import drive, stored
+from support.html_page import check_self_contained
+from support.stored_runs import drive, stored
 
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.cli.main import main

@@ -1,6 +1,6 @@
 import pytest
-from html_page import check_self_contained
 from matplotlib.figure import Figure
+from support.html_page import check_self_contained
 
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.report.credibility import credibility_report, write_credibility_report
@@ -46,7 +46,7 @@ def test_the_verdicts_colour_is_its_own(verdict, tone):
 
 
 def test_large_figures_become_pictures():
-    assert picture(drawn()).startswith("<svg")
+    assert picture(drawn()).drawn.startswith("<svg")
     html = report([Evidence("Cloud", figure=drawn(10_000))])
     assert 'src="data:image/png;base64,' in html
     assert len(html) < LARGEST_SVG

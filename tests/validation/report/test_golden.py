@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from stored_runs import drive, stored
+from support.stored_runs import drive, stored
 
 from sidestep.validation.cli.main import main
 from sidestep.validation.judge.simulate import simulate

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from iso18571_signals import pairs
 from scipy.spatial.distance import cdist
+from support.iso18571_signals import pairs
 
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.model_error.theil import theil

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from stand_in import straight_plan
+from support.stand_in import straight_plan
 
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.obstacle import Obstacle

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 
 from sidestep.plant_models.errors import InputError
-from sidestep.plant_models.vehicle.parameters import VehicleParameters
+from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 from sidestep.validation.model_error.identification.car_kernel import SHAPE, Chassis, Values
 from sidestep.validation.model_error.identification.log_identification import LogIdentification, Verdict
 from sidestep.validation.model_error.identification.log_parameters import BY_NAME
@@ -104,7 +104,7 @@ def _peaks(v: Values, vehicle: VehicleParameters) -> dict[str, float]:
     share_f, share_r = vehicle.l_r / vehicle.wheelbase, vehicle.l_f / vehicle.wheelbase
     middle = share_f * v.mu_f + share_r * v.mu_r
     curvature = min(share_f * v.e_f + share_r * v.e_r, _LARGEST_CURVATURE)
-    load = 0.25 * vehicle.mass * 9.81
+    load = 0.25 * vehicle.mass * GRAVITY
     slope = 0.0
     if abs(share_r - share_f) > _SAME_LOAD:
         slope = min(max((v.mu_r - v.mu_f) / (2.0 * (share_r - share_f)), -0.3), 0.3)

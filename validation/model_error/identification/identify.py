@@ -8,7 +8,7 @@ from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.plant import Plant
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 from sidestep.plant_models.vehicle.table import assumed
-from sidestep.validation.console import progress_bar
+from sidestep.validation.console import new_table, progress_bar, show
 from sidestep.validation.files import check_file, write_text, written_file
 from sidestep.validation.loop.foreign import is_foreign
 from sidestep.validation.loop.measurement import measured
@@ -25,8 +25,8 @@ from sidestep.validation.model_error.identification.identification import (
     identify,
 )
 from sidestep.validation.model_error.identification.vehicle_file import vehicle_toml
-from sidestep.validation.scenarios.scenario import Scenario, told_car
-from sidestep.validation.studies.limits import new_table, show
+from sidestep.validation.scenarios.own_car import told_car
+from sidestep.validation.scenarios.scenario import Scenario
 
 COMMANDS = 5
 """Of the steering per sample, so that it is smooth between samples."""

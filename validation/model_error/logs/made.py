@@ -149,9 +149,9 @@ def _drive(
             state = plant.step(SteeringCommand(time[k], acceleration * gain * shares[k], float(speed[k])), PERIOD)
             signals = plant.signals()
             force = signals["a_y"]
-            felt = force * math.cos(signals["roll"]) + GRAVITY * math.sin(signals["roll"])
+            a_y = force * math.cos(signals["roll"]) + GRAVITY * math.sin(signals["roll"])
             rows.append(
-                (state.steer_angle, state.v_x, state.yaw_rate, felt, signals["a_x"], state.v_y, signals["roll"], force)
+                (state.steer_angle, state.v_x, state.yaw_rate, a_y, signals["a_x"], state.v_y, signals["roll"], force)
             )
     names = ("steer", "v_x", "yaw_rate", "a_y", "a_x", "v_y", "roll", "force")
     return dict(zip(names, np.array(rows).T, strict=True))

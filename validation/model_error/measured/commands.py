@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from sidestep.plant_models.errors import InputError
+from sidestep.validation.console import new_table, show
 from sidestep.validation.files import check_file, made, write_text, written_file, written_to
 from sidestep.validation.judge.summary import strict_json
 from sidestep.validation.manoeuvres.scene import open_loop_scenario
@@ -27,7 +28,6 @@ from sidestep.validation.model_error.measured.replay import replay, summary
 from sidestep.validation.model_error.measured.scores import RANGES, Scores, Starts, by_range, p95, score_all, starts_of
 from sidestep.validation.report.credibility import write_credibility_report
 from sidestep.validation.report.evidence import Table
-from sidestep.validation.studies.limits import new_table, show
 
 FITTED, JUDGED = slice(0, None, 2), slice(1, None, 2)
 """Windows of a log that is fitted and judged at once."""

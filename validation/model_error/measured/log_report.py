@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from sidestep.plant_models.vehicle.parameters import GRAVITY
 from sidestep.validation.model_error.identification.car_kernel import Chassis, Values, simulate
 from sidestep.validation.model_error.identification.log_identification import LogIdentification
 from sidestep.validation.model_error.identification.window_fit import CHANNELS, delayed
@@ -157,7 +158,7 @@ def _steady_extra(v: Values, c: Chassis, lateral: float) -> float:
     length = c.l_f + c.l_r
     slips = []
     for stiffness, peak, curvature, lever in ((v.C_f, v.mu_f, v.e_f, c.l_r), (v.C_r, v.mu_r, v.e_r, c.l_f)):
-        load = c.mass * 9.81 * lever / length
+        load = c.mass * GRAVITY * lever / length
         force = c.mass * lateral * lever / length
         grid = np.linspace(0.0, 0.35, 700)
         x = stiffness * grid / (1.1 * peak * load)

@@ -133,9 +133,9 @@ def _stretch(log: MeasuredLog, values: Values) -> tuple[int, Array, Array, Array
 def _line(log: MeasuredLog, values: Values, first: int, last: int) -> tuple[Array, Array, Array]:
     span = slice(first, last)
     rate, speed = log.signals["yaw_rate"][span] - values.yaw_rate_offset, log.signals["v_x"][span]
-    aside = measured_v_y(log, values)[span] if "v_y" in log.signals else np.zeros(len(rate))
+    v_y = measured_v_y(log, values)[span] if "v_y" in log.signals else np.zeros(len(rate))
     yaw = np.concatenate([[0.0], np.cumsum(0.5 * PERIOD * (rate[1:] + rate[:-1]))])
-    ahead, left = speed * np.cos(yaw) - aside * np.sin(yaw), speed * np.sin(yaw) + aside * np.cos(yaw)
+    ahead, left = speed * np.cos(yaw) - v_y * np.sin(yaw), speed * np.sin(yaw) + v_y * np.cos(yaw)
     x, y = (np.concatenate([[0.0], np.cumsum(0.5 * PERIOD * (v[1:] + v[:-1]))]) for v in (ahead, left))
     return x, y, yaw
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.figure import Figure
 
-from sidestep.fmu.importing.plant import FmuPlant
+from sidestep.fmu.native.plant import native_plant
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.mujoco.bodies import corners
 from sidestep.plant_models.mujoco.plant import MujocoPlant
@@ -51,7 +51,7 @@ def manoeuvres() -> Figure:
     car = VehicleParameters.preset("bmw-320i")
     plants: dict[str, Plant] = {
         "linear": LinearPlant(car),
-        "single-track FMU": FmuPlant.native(car),
+        "single-track FMU": native_plant(car),
         "MuJoCo": MujocoPlant(car),
     }
     drives: dict[str, tuple[float, Callable[[float], float]]] = {

@@ -17,15 +17,16 @@ from sidestep.validation.report.compare.comparison import Line, compared_top_vie
 from sidestep.validation.report.compare.golden import PERIOD, TIME_TOLERANCE, TOLERANCES, funnel
 from sidestep.validation.report.compare.rating import Rating, rate
 from sidestep.validation.report.evidence import Evidence, Table
-from sidestep.validation.report.style import BLUE, FAINT, GREEN, ORANGE, PURPLE, RED, SKY, panel, styled
+from sidestep.validation.report.explore.scene_data import scene_data
+from sidestep.validation.report.style import BLUE, FAINT, GREEN, ORANGE, PURPLE, RED, SKY, panel, styled, timeline
 from sidestep.validation.scenarios.scenario import Scenario, scenario_from_tables
 
 _COLOURS = (BLUE, ORANGE, GREEN, PURPLE, RED, SKY)
 _PANELS = {
     "l": ("Lateral offset", "m"),
-    "yaw_rate": ("Yaw rate", "rad/s"),
+    "yaw_rate": ("Yaw rate", "deg/s"),
     "lateral_acceleration": ("Lateral acceleration", "m/s²"),
-    "steer_angle": ("Steering angle", "rad"),
+    "steer_angle": ("Steering angle", "deg"),
 }
 
 
@@ -129,15 +130,20 @@ def evidence(runs: Sequence[StoredRun], rated: Sequence[Pair], least: float | No
     lines = [
         Line(run.name, colour, Recording(run.samples, {})) for run, colour in zip(runs, cycle(_COLOURS), strict=False)
     ]
-    heights = ", ".join(f"{size:g} {_PANELS[name][1]}" for name, size in TOLERANCES.items())
+    heights = ", ".join(f"{size * _scale(name):.3g} {_PANELS[name][1]}" for name, size in TOLERANCES.items())
     shape = f"± {heights} and {TIME_TOLERANCE:g} s"
     passed = None if least is None else all(pair.overall >= least for pair in rated)
     return [
         Evidence("Verdicts of the runs", table=_verdicts(runs)),
-        Evidence("Paths", figure=compared_top_view(runs[0].scenario, lines)),
+        Evidence("Paths", figure=compared_top_view(runs[0].scenario, lines), scene=scene_data(runs[0].scenario, lines)),
         Evidence("Signals", f"Grey: the funnel about {runs[0].name}, {shape}.", overlays(lines)),
         Evidence("Ratings after ISO/TS 18571", _RATINGS, table=_table(rated, least), passed=passed),
     ]
+
+
+def _scale(signal: str) -> float:
+    """From the recording's unit to the panel's."""
+    return float(np.degrees(1.0)) if _PANELS[signal][1].startswith("deg") else 1.0
 
 
 def _verdicts(runs: Sequence[StoredRun]) -> Table:
@@ -172,12 +178,15 @@ def overlays(lines: Sequence[Line]) -> Figure:
         figure.subplots_adjust(0.055, 0.09, 0.995, 0.9, wspace=0.12, hspace=0.38)
         axes = list(figure.subplots(2, 2).flat)
         for place, (signal, (title, unit)) in zip(axes, _PANELS.items(), strict=True):
-            panel(place, title, unit)
+            timeline(panel(place, title, unit))
+            scale = _scale(signal)
             first = lines[0].recording
             bounds = funnel(first["time"], first[signal], TOLERANCES[signal])
-            place.fill_between(bounds.time, bounds.low, bounds.high, color=FAINT, alpha=0.6, linewidth=0.0)
+            place.fill_between(
+                bounds.time, scale * bounds.low, scale * bounds.high, color=FAINT, alpha=0.6, linewidth=0.0
+            )
             for name, colour, recording in lines:
-                place.plot(recording["time"], recording[signal], color=colour, label=name)
+                place.plot(recording["time"], scale * recording[signal], color=colour, label=name)
         for place in axes[2:]:
             place.set_xlabel("time  [s]")
         figure.legend(*axes[0].get_legend_handles_labels(), loc="upper right", ncols=len(lines), fontsize=8.5)

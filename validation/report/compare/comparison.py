@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from sidestep.validation.loop.recording import Recording
-from sidestep.validation.report.style import legend, panel, styled
+from sidestep.validation.report.style import legend, panel, styled, timeline
 from sidestep.validation.report.topview import OUTLINE_EVERY, draw_cars, draw_road, driven_extent, stacked_axes
 from sidestep.validation.scenarios.scenario import Scenario
 
@@ -44,13 +44,13 @@ def compared_signals(lines: Sequence[Line]) -> Figure:
         figure.subplots_adjust(0.045, 0.17, 0.995, 0.9, wspace=0.16)
         steering, acceleration, apart = figure.subplots(1, 3)
         first = lines[0].recording
-        for _, colour, recording in lines:
-            steering.plot(recording["time"], np.degrees(recording["steer_angle"]), color=colour)
-            acceleration.plot(recording["time"], recording["lateral_acceleration"], color=colour)
+        for name, colour, recording in lines:
+            steering.plot(recording["time"], np.degrees(recording["steer_angle"]), color=colour, label=name)
+            acceleration.plot(recording["time"], recording["lateral_acceleration"], color=colour, label=name)
             shared = first["s"][first["s"] <= recording["s"].max()]
             difference = np.interp(shared, recording["s"], recording["l"]) - first["l"][: len(shared)]
-            apart.plot(shared, 100.0 * difference, color=colour)
-        panel(steering, "Steering angle", "deg").set_xlabel("time  [s]")
-        panel(acceleration, "Lateral acceleration", "m/s²").set_xlabel("time  [s]")
+            apart.plot(shared, 100.0 * difference, color=colour, label=name)
+        timeline(panel(steering, "Steering angle", "deg")).set_xlabel("time  [s]")
+        timeline(panel(acceleration, "Lateral acceleration", "m/s²")).set_xlabel("time  [s]")
         panel(apart, f"Offset from the path on {lines[0].name}", "cm").set_xlabel("along the road  [m]")
     return figure

@@ -1,6 +1,5 @@
 """Foreign scenario files by their ending, and scenario files written from what they hold."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from sidestep.validation.scenarios.readers.commonroad.reader import read_commonr
 from sidestep.validation.scenarios.readers.imported import Imported
 from sidestep.validation.scenarios.readers.openscenario.reader import read_openscenario
 from sidestep.validation.scenarios.readers.safe_xml import read_xml
+from sidestep.validation.scenarios.tables import toml_text
 
 ENDINGS = (".xml", ".xosc")
 """Of files that `read_foreign` takes."""
@@ -41,22 +41,10 @@ def to_toml(tables: dict[str, Any], notes: list[str]) -> str:
     later = []
     for key, value in tables.items():
         if isinstance(value, dict):
-            later += ["", f"[{key}]", *(f"{name} = {_value(inner)}" for name, inner in value.items())]
+            later += ["", f"[{key}]", *(f"{name} = {toml_text(inner)}" for name, inner in value.items())]
         elif isinstance(value, list) and value and all(isinstance(row, dict) for row in value):
             for row in value:
-                later += ["", f"[[{key}]]", *(f"{name} = {_value(inner)}" for name, inner in row.items())]
+                later += ["", f"[[{key}]]", *(f"{name} = {toml_text(inner)}" for name, inner in row.items())]
         else:
-            lines.append(f"{key} = {_value(value)}")
+            lines.append(f"{key} = {toml_text(value)}")
     return "\n".join([*lines, *later]) + "\n"
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {_value(inner)}" for key, inner in value.items()) + " }"
-    if isinstance(value, list):
-        return "[" + ", ".join(_value(inner) for inner in value) + "]"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, float):
-        return repr(value)
-    return json.dumps(value, ensure_ascii=True).replace("\x7f", "\\u007f")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from sidestep.fmu.importing.plant import FmuPlant
+from sidestep.fmu.native.plant import native_plant
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
@@ -77,7 +77,7 @@ def test_steady_turning_does_not_show_the_inertia():
 
 def test_what_the_model_lacks_shows_in_the_residuals_and_not_in_the_fit():
     """A tyre that relaxes, driven gently: explained to a few per mille, and far from white."""
-    with FmuPlant.native(CAR) as plant:
+    with native_plant(CAR) as plant:
         found = identify([drive(plant, m, CAR, commands=2) for m in DRIVES[::2]], WRONG)
     assert not found.problem
     assert (found.explained > 0.99).all()

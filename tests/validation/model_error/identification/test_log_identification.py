@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from measured_logs import CHASSIS, MAP, log_table, true_values, write_table
+from support.measured_logs import CHASSIS, MAP, log_table, true_values, write_table
 
 from sidestep.plant_models.linear.bicycle import continuous
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
@@ -100,7 +100,7 @@ def test_a_known_car_is_found_again(log_of):
 
 
 def test_the_mujoco_car_is_found_behind_noise_offsets_delay_and_bank(tmp_path):
-    """The small version of benchmarks/log_coverage.py."""
+    """The small version of benchmarks/studies/log_coverage.py."""
     car = known_car()
     table, true = made_log(car, Sensors(), seed=3, duration=60.0)
     write_log(tmp_path / "made.csv", table)

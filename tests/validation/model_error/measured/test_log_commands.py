@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from measured_logs import CHASSIS, MAP, log_table, true_values, write_table
+from support.measured_logs import CHASSIS, MAP, log_table, true_values, write_table
 
 from sidestep.controller.validity import Validity
 from sidestep.plant_models.errors import InputError

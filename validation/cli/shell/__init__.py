@@ -1,0 +1,1 @@
+"""How the command line is typed: errors, examples, completion."""
