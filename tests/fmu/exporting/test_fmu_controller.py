@@ -1,77 +1,20 @@
 """The controller as an FMU: the same bits as in this process, obstacles as inputs, state save and restore."""
 
-import contextlib
 import math
-import os
-import subprocess
-import sys
-import zipfile
-from contextlib import contextmanager
-from dataclasses import astuple, replace
+from dataclasses import replace
 
 import pytest
-from support.component import command_of, in_process, scene_of
 from support.component import drive as drive_here
-from support.fmus.fmu_files import changed, reported_here
+from support.component import in_process, scene_of
+from support.fmus.controller_fmu import Driver, answer_of, export, numbers, obstacle_names, running
+from support.fmus.fmu_files import reported_here
 
 from sidestep.controller.records import LAYERS, OBSTACLES
-from sidestep.fmu.exporting.controller_variables import STATE
 from sidestep.fmu.exporting.export import export_controller
 from sidestep.fmu.importing.checks import findings
 from sidestep.fmu.importing.checks.findings import check_fmu
-from sidestep.fmu.importing.instance import FmuInstance
 from sidestep.plant_models.errors import InputError, PlantError
 from sidestep.plant_models.obstacle import Obstacle
-
-COMMAND = ["steer_angle_command", "acceleration", "target_speed", "status"]
-OBSTACLE = ("s", "l", "length", "width", "heading", "speed", "time")
-
-
-def export(fmi, name="double-obstacle", obstacles=None):
-    scene = scene_of(name)
-    obstacles = scene.obstacles if obstacles is None else obstacles
-    return export_controller(scene.name, scene.vehicle, scene.path, obstacles, scene.controller, scene.start, fmi)
-
-
-@contextmanager
-def running(fmi, file=None, **parameters):
-    fmu = FmuInstance(file or export(fmi))
-    try:
-        fmu.start(0.0, parameters)
-        yield fmu
-    finally:
-        fmu.close()
-
-
-def obstacle_names(fmi, index):
-    """Variables of an obstacle, counted from 0."""
-    return [f"obstacle[{index + 1}].{n}" if fmi == 2 else f"obstacle.{n}[{index}]" for n in OBSTACLE]
-
-
-class Driver:
-    """Steps the FMU as a master does, without delay."""
-
-    def __init__(self, fmu, further=()):
-        self.fmu = fmu
-        self.inputs = fmu.port([name for name, *_ in STATE])
-        self.outputs = fmu.port([*COMMAND, *further])
-
-    def step(self, state, dt=0.02):
-        self.inputs.values[:] = astuple(state)[1:]
-        self.fmu.set(self.inputs)
-        self.fmu.step(state.time, dt)
-        self.fmu.get(self.outputs)
-        return self.outputs.values[:]
-
-
-def numbers(row):
-    """A command of `drive_here` as the FMU's outputs."""
-    return [float(value) for value in row[1:]]
-
-
-def answer_of(controller, state):
-    controller.step(state)
-    return numbers(command_of(controller))
 
 
 @pytest.fixture(scope="module")
@@ -257,53 +200,7 @@ def test_there_is_room_for_all_obstacles_of_a_scene():
     assert len(crowd) < OBSTACLES
 
 
-def test_a_setup_that_is_missing_or_damaged_is_told_at_instantiation(tmp_path):
-    file = export(3)
-    with zipfile.ZipFile(file) as archive:
-        setup = archive.read("resources/controller.setup")
-    for data, problem in ((None, "cannot be read"), (setup[:-3], "length is wrong"), (b"", "too short")):
-        broken = changed(file, tmp_path / "broken.fmu", {"resources/controller.setup": data})
-        with pytest.raises(PlantError, match=rf"controller\.setup.*{problem}"), running(3, broken):
-            pass
-
-
 def test_the_literal_paper_cannot_be_exported():
     scene = scene_of("double-obstacle", "controller.preset=paper")
     with pytest.raises(InputError, match=r"controller\.formulation: 'paper': its solver is not compiled"):
         export_controller(scene.name, scene.vehicle, scene.path, (), scene.controller, scene.start, 3)
-
-
-@pytest.mark.parametrize("fmi", [2, 3])
-def test_many_instances_one_after_the_other_and_at_once(fmi):
-    code = f"""
-import resource, fmpy
-from fmpy.simulation import instantiate_fmu
-file, fmi = {str(export(fmi))!r}, {fmi}
-folder, description = fmpy.extract(file), fmpy.read_model_description(file)
-def made(): return instantiate_fmu(folder, description, "CoSimulation", logger=None)
-def used(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-first = made()
-library = first.dll
-many = [made() for _ in range(200)]
-print((used()))
-for one in many: one.freeInstance()
-before = used()
-for _ in range(1000):
-    one = made(); one.freeInstance()
-print(used() - before)
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert int(done.stdout.split()[1]) < 16 * 1024  # [KiB]: not one of the thousand is left
-
-
-def test_it_runs_from_a_folder_with_blanks_and_umlauts_that_cannot_be_written(tmp_path, driven, monkeypatch):
-    folder = tmp_path / "für alle Fälle"
-    folder.mkdir()
-    file = folder / "ein Regler.fmu"
-    file.write_bytes(export(2).read_bytes())
-    monkeypatch.setenv("TMPDIR", str(folder))
-    with contextlib.suppress(KeyError):
-        monkeypatch.delenv("HOME")
-    os.chmod(file, 0o444)
-    with running(2, file) as fmu:
-        assert Driver(fmu).step(driven[0][0]) == driven[0][1]
