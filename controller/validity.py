@@ -3,7 +3,6 @@
 `sidestep validate` writes it as validity.json: a table for each prediction model, measured against a plant.
 """
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from sidestep.controller.config import ControllerConfig
 from sidestep.controller.mpc.car_model import axle_force
+from sidestep.plant_models.documents import read_json
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.kernels import Record, kernel
 from sidestep.plant_models.vehicle.parameters import GRAVITY
@@ -58,11 +58,11 @@ class Validity:
         Raises:
             InputError: The file cannot be read, or does not hold such a table.
         """
+        data = read_json(path, "a file of `sidestep validate`")
         try:
-            data = json.loads(Path(path).read_text(encoding="utf-8"))
             speeds, frictions = (np.array(data[name], dtype=np.float64) for name in ("speed", "friction"))
             limits = np.array(data["max_lateral_acceleration"][model], dtype=np.float64)
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, OverflowError) as error:
             raise InputError(
                 "controller.validity", f"{str(path)!r}: {error}", "a file of `sidestep validate`"
             ) from error

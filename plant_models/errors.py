@@ -1,10 +1,16 @@
 """The error tree: every error also is a standard-library error and carries its evidence."""
 
+import unicodedata
 from collections.abc import Iterable
+
+_UNSEEN = ("Cc", "Cf", "Cs", "Zl", "Zp")  # control, format (right to left, ...), surrogates, line ends of Unicode
 
 
 class SidestepError(Exception):
-    """Root of everything this project raises on purpose."""
+    """Root of everything this project raises on purpose; its text may go to a terminal or into a report."""
+
+    def __str__(self) -> str:
+        return printable(super().__str__())
 
 
 class InputError(SidestepError, ValueError):
@@ -33,5 +39,17 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     """`, did you mean X?` for the closest known word, or nothing."""
     import difflib  # only for who mistyped
 
-    close = difflib.get_close_matches(word, list(known), n=1)
+    close = difflib.get_close_matches(str(word), list(known), n=1)  # a word that is a number, too
     return f", did you mean {close[0]}?" if close else ""
+
+
+def printable(text: str) -> str:
+    """Text with escapes for what a terminal would obey instead of show; ends of lines and tabs stay."""
+    if text.isprintable():
+        return text
+    return "".join(
+        letter.encode("unicode_escape").decode()
+        if letter not in "\n\t" and unicodedata.category(letter) in _UNSEEN
+        else letter
+        for letter in text
+    )

@@ -6,9 +6,11 @@ files, too, which would go unnoticed when they change: after `git pull`, old and
 
 import functools
 import hashlib
+import pickle
 import platform
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +28,7 @@ Record = Any
 
 _PACKAGES = Path(__file__).resolve().parents[1]  # the folder whose import name is `sidestep`
 _IMPORT = re.compile(r"^\s*from sidestep((?:\.\w+)*) import (\([^)]*\)|.*)", re.MULTILINE)
+_DIGEST = hashlib.sha256().digest_size
 _VERSIONS = (platform.python_version(), np.__version__, numba.__version__, llvmlite.__version__)
 
 
@@ -62,7 +65,46 @@ class _KernelCache(FunctionCache):
     def __init__(self, py_func: Callable[..., Any]) -> None:
         super().__init__(py_func)
         stamp = source_stamp(Path(py_func.__code__.co_filename).resolve())
-        self._cache_file = IndexDataCacheFile(self.cache_path, self._impl.filename_base, stamp)
+        self._cache_file = _WholeFiles(self.cache_path, self._impl.filename_base, stamp)
+
+
+class _WholeFiles(IndexDataCacheFile):
+    """Numba's files with a digest at the end of each: what was cut short or changed is compiled again.
+
+    Numba itself would load it: an exception at best, wrong machine code at worst.
+    """
+
+    def _dump(self, obj: Any) -> bytes:
+        data = super()._dump(obj)
+        return data + hashlib.sha256(data).digest()
+
+    def _load_index(self) -> dict[Any, str]:
+        with suppress(OSError), open(self._index_path, "rb") as file, suppress(*_UNREADABLE):
+            pickle.load(file)  # the version, which is no part of what is digested
+            if _is_whole(file.read()):
+                return super()._load_index()
+        return {}
+
+    def _load_data(self, name: str) -> Any:
+        if not _is_whole(Path(self._data_path(name)).read_bytes()):
+            raise OSError(f"{name} is damaged")  # which counts as not there
+        return super()._load_data(name)
+
+
+_UNREADABLE = (
+    pickle.UnpicklingError,
+    EOFError,
+    AttributeError,
+    ImportError,
+    IndexError,
+    ValueError,
+    TypeError,
+    KeyError,
+)
+
+
+def _is_whole(data: bytes) -> bool:
+    return hashlib.sha256(data[:-_DIGEST]).digest() == data[-_DIGEST:]
 
 
 @functools.cache

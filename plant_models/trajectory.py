@@ -12,6 +12,7 @@ from sidestep.plant_models.road.reference_path import ReferencePath
 
 Array = NDArray[np.float64]
 
+_LONGEST, _SHORTEST, _FARTHEST = 1e4, 1e-6, 1e9  # s, s, m or s
 _STEP = 0.05  # between the samples of a way given in the world: finer than that its road coordinates bend, in [s]
 
 
@@ -56,8 +57,10 @@ class Trajectory:
         """
         time, x, y = (np.array(values, dtype=np.float64).ravel() for values in (time, x, y))
         world = np.column_stack([time, x, y, np.unwrap(np.array(yaw, dtype=np.float64).ravel())])
-        if len(time) == 0 or not np.isfinite(world).all() or not (np.diff(time) > 0.0).all():
-            raise InputError("trajectory", "times that do not ascend, or values that are not finite")
+        if len(time) == 0 or not (np.abs(world) < _FARTHEST).all() or not (np.diff(time) > _SHORTEST).all():
+            raise InputError("trajectory", "times that do not ascend, or values that are no places or times")
+        if time[-1] - time[0] > _LONGEST:
+            raise InputError("trajectory", f"lasts {time[-1] - time[0]:g} s", f"up to {_LONGEST:g} s")
         count = max(1, int(np.ceil(round((time[-1] - time[0]) / _STEP, 6))))
         fine = np.union1d(np.linspace(time[0], time[-1], count + 1), time)
         poses = interpolated(world, fine)

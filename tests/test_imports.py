@@ -14,8 +14,8 @@ LAYERS = ("plant_models", "controller", "fmu", "validation")
 """Each may import from itself and those before it."""
 
 VALIDATION = (
-    "files", "interrupt", "undisturbed", "console", "given_road", "geometry", "scenarios", "loop", "judge", "report",
-    "studies", "manoeuvres", "model_error", "campaigns", "can_bus", "cli",
+    "files", "interrupt", "shown", "undisturbed", "console", "given_road", "geometry", "scenarios", "loop", "judge",
+    "report", "studies", "manoeuvres", "model_error", "campaigns", "can_bus", "cli",
 )  # fmt: skip
 """The same of its rooms."""
 

@@ -65,6 +65,7 @@ def checks(files: Sequence[str] | None) -> list[tuple[str, list[str]]]:
     if python is None or typed:
         found.append(("pyright", [*PYTHON, "pyright", "--pythonpath", sys.executable, *typed]))
     found.append(("pages made from the code", [sys.executable, "tools/pages.py", "--check"]))
+    found.append(("page of licences", [sys.executable, "tools/notices.py", "--check"]))
     found.append(("bounds of the code", [sys.executable, "tools/count.py"]))
     if files and (tests := tests_of(files)):
         found.append(("tests of what changed", [*PYTHON, "pytest", "-q", "-x", "-m", SLOW, *tests]))

@@ -1,14 +1,19 @@
 """Files that are complete or not there, in folders that are made only when all is well."""
 
 import errno
+import glob
 import os
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TextIO
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.fresh_file import beside
+
+_OLD = 3600.0  # seconds
 
 
 @contextmanager
@@ -17,12 +22,13 @@ def complete_path(file: Path) -> Iterator[Path]:
     if _is_special(file):
         yield file
         return
-    part = file.with_name(f".part-{file.name}")
+    part = beside(file)
     try:
         yield part
         os.replace(part, file)
     finally:
         part.unlink(missing_ok=True)
+        _sweep(file)
 
 
 @contextmanager
@@ -36,6 +42,11 @@ def write_text(file: Path, text: str) -> None:
     """Write a file that is complete or not there."""
     with complete(file) as stream:
         stream.write(text)
+
+
+def companion(file: Path, ending: str) -> Path:
+    """The file beside another one that belongs to it: `car.toml` has `car` + ending, any other its whole name."""
+    return file.with_name(file.name.removesuffix(".toml") + ending)
 
 
 @contextmanager
@@ -69,6 +80,14 @@ def check_file(file: Path | None, where: str) -> None:
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         if not _is_special(file):
             tempfile.TemporaryFile(dir=file.absolute().parent).close()
+
+
+def _sweep(file: Path) -> None:
+    """Remove what processes that were killed left of this file: nobody has written to it for an hour."""
+    for part in file.parent.glob(f".part-{'?' * 16}-{glob.escape(file.name)}"):
+        with suppress(OSError):
+            if time.time() - part.lstat().st_mtime > _OLD:
+                part.unlink()
 
 
 def _is_special(file: Path) -> bool:

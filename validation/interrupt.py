@@ -7,6 +7,19 @@ from contextlib import contextmanager
 
 
 @contextmanager
+def terminated_as_interrupted() -> Iterator[None]:
+    """SIGTERM is a Ctrl-C: what has been driven is written, and no temporary file stays."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
 def interrupts_between_steps() -> Iterator[Callable[[], None]]:
     """Hold Ctrl-C back; yields what raises the KeyboardInterrupt that came, where the program can stand one.
 

@@ -6,12 +6,12 @@ something else, is removed. Entries are written beside their place, forced to th
 
 import hashlib
 import os
-import threading
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.fresh_file import beside
 
 
 def cached(name: str, suffix: str, build: Callable[[], bytes]) -> Path:
@@ -56,7 +56,7 @@ def cache_folder() -> Path:
 
 def write_whole(file: Path, data: bytes) -> None:
     """Write in one go: whoever looks, even after the power failed, sees no file or the whole file."""
-    fresh = file.with_name(f"{file.name}.{os.getpid()}.{threading.get_ident()}")
+    fresh = beside(file)
     try:
         with fresh.open("wb") as stream:
             stream.write(data)

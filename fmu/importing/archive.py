@@ -1,8 +1,12 @@
 """Open an .fmu file: what can be wrong with it is found here, before anything of it runs."""
 
+import math
+import re
 import shutil
 import zipfile
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from xml.etree import ElementTree
@@ -10,17 +14,23 @@ from xml.etree import ElementTree
 import fmpy
 from fmpy.model_description import BuildConfiguration, CoSimulation, ModelDescription, ScalarVariable
 
+from sidestep.fmu.importing.contents import require_sound
 from sidestep.fmu.importing.sources import compile_sources, source_configuration
 from sidestep.fmu.scratch import discard, scratch_folder
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.ranges import Range
+
+_IDENTIFIER = re.compile(r"[A-Za-z_][\w.-]{0,200}", re.ASCII)  # some tools allow themselves dots and hyphens
+_STEPS = Range(1e-6, 1e3, "s")  # of an FMU with a fixed one: smaller ones would not come to the end of a period
+_MOST_ELEMENTS = 1_000_000  # of an array, each of which has a name
+_MOST_DESCRIPTION = 64_000_000  # bytes
 
 
 @dataclass(frozen=True)
-class UnpackedFmu:
-    """A sound co-simulation FMU on disk.
+class FmuDescription:
+    """A sound co-simulation FMU, as its archive describes it.
 
     Attributes:
-        folder: Where it was unpacked; the owner gives it to `discard`.
         is_fmi2: FMI 2.0, else FMI 3.0.
         name: Of the model.
         identifier: Of the co-simulation interface: the binary's name.
@@ -29,10 +39,10 @@ class UnpackedFmu:
         fixed_step: Step that every communication step must be a multiple of, in [s]; 0 if any will do.
         description: fmpy's, of the whole.
         interface: fmpy's, of co-simulation.
+        sources: How its sources are compiled, if it says so.
         remark: What it lacks that running it here takes; empty if nothing.
     """
 
-    folder: Path
     is_fmi2: bool
     name: str
     identifier: str
@@ -41,46 +51,79 @@ class UnpackedFmu:
     fixed_step: float
     description: ModelDescription
     interface: CoSimulation
+    sources: BuildConfiguration | None = None
     remark: str = ""
 
 
-def unpack(path: Path, to_run: bool = True) -> UnpackedFmu:
-    """Check an FMU and extract it to a new folder; without a binary for this machine, its sources are compiled.
+@dataclass(frozen=True)
+class UnpackedFmu:
+    """An FMU on disk.
 
-    Args:
-        path: The .fmu file.
-        to_run: Whether it must run here; else it may also be one for other machines.
+    Attributes:
+        folder: Where it was unpacked; the owner gives it to `discard`.
+        about: What it is.
+    """
+
+    folder: Path
+    about: FmuDescription
+
+
+def describe_fmu(path: Path) -> FmuDescription:
+    """Check an FMU without unpacking it; it may be one for other machines.
+
+    Raises:
+        InputError: Not a sound FMU for co-simulation with FMI 2.0 or 3.0.
+    """
+    with _opened(path) as archive:
+        return _described(path, archive)
+
+
+def unpack(path: Path) -> UnpackedFmu:
+    """Check an FMU and extract it to a new folder; without a binary for this machine, its sources are compiled.
 
     Raises:
         InputError: Not a sound FMU for co-simulation with FMI 2.0 or 3.0, or none for this machine.
         CompilerError: Its sources cannot be compiled.
     """
+    with _opened(path) as archive:
+        about = _described(path, archive)
+        if about.remark and about.sources is None:
+            raise InputError(str(path), about.remark)
+        folder = scratch_folder("fmu")
+        try:
+            archive.extractall(folder)
+            if about.remark and about.sources:
+                _put_compiled(folder, _binary(about.description, about.interface), about.sources)
+        except BaseException:
+            discard(folder)
+            raise
+    return UnpackedFmu(folder, about)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[zipfile.ZipFile]:
+    """The archive, after its list of contents was checked; what is wrong with it is named with the file."""
     if not path.is_file():
         raise InputError(str(path), "no such file", "an .fmu file")
     try:
         with zipfile.ZipFile(path) as archive:
-            names = archive.namelist()
-            _check_names(path, names)
-            damaged = archive.testzip()
-            if damaged:
-                raise InputError(str(path), f"{damaged} in it is damaged")
-            description = _read_description(path, archive)
-            interface = _interface(path, description)
-            binary, platform = _binary(description, interface), ""
-            sources = source_configuration(description, str(interface.modelIdentifier))
-            if binary not in names:
-                platform = "none" if sources is None else "sources"
-                if to_run and sources is None:
-                    raise InputError(str(path), _no_binary(description, names))
-            folder = _extract(archive)
-            if to_run and platform and sources:
-                _put_compiled(folder, binary, sources)
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as error:
+            require_sound(path, archive.infolist())
+            yield archive
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, UnicodeDecodeError) as error:
         raise InputError(str(path), f"not an FMU, or a truncated one: {error}") from error
     except OSError as error:
         raise InputError(str(path), f"cannot be unpacked: {error.strerror or error}") from error
-    return UnpackedFmu(
-        folder=folder,
+
+
+def _described(path: Path, archive: zipfile.ZipFile) -> FmuDescription:
+    names = archive.namelist()
+    _require_description(path, names)
+    description = _read_description(path, archive)
+    interface = _interface(path, description)
+    _require_small(path, description)
+    sources = source_configuration(description, str(interface.modelIdentifier))
+    remark = "" if _binary(description, interface) in names else _no_binary(description, names)
+    return FmuDescription(
         is_fmi2=description.fmiVersion == "2.0",
         name=str(description.modelName),
         identifier=str(interface.modelIdentifier),
@@ -89,18 +132,15 @@ def unpack(path: Path, to_run: bool = True) -> UnpackedFmu:
         fixed_step=_fixed_step(path, description, interface),
         description=description,
         interface=interface,
-        remark=_no_binary(description, names) + ("; its sources are compiled" if sources else "") if platform else "",
+        sources=sources,
+        remark=remark + ("; its sources are compiled" if remark and sources else ""),
     )
 
 
 def _put_compiled(folder: Path, binary: str, sources: BuildConfiguration) -> None:
-    try:
-        library = compile_sources(folder, sources)
-        (folder / binary).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(library, folder / binary)
-    except BaseException:
-        discard(folder)
-        raise
+    library = compile_sources(folder, sources)
+    (folder / binary).parent.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(library, folder / binary)
 
 
 def _fixed_step(path: Path, description: ModelDescription, interface: CoSimulation) -> float:
@@ -109,25 +149,22 @@ def _fixed_step(path: Path, description: ModelDescription, interface: CoSimulati
         return 0.0
     step = interface.fixedInternalStepSize or (experiment.stepSize if experiment else None) or 0.0
     try:
-        return float(step)
+        size = float(step)
     except ValueError as error:
         raise InputError(str(path), f"its step size is {step!r}", "a number") from error
+    if size:
+        _STEPS.check(size, f"{path}: its step size")
+    return size
 
 
-def _extract(archive: zipfile.ZipFile) -> Path:
-    folder = scratch_folder("fmu")
-    try:
-        archive.extractall(folder)
-    except BaseException:
-        discard(folder)
-        raise
-    return folder
+def _require_small(path: Path, description: ModelDescription) -> None:
+    for variable in description.modelVariables:
+        if (count := math.prod(variable.shape or ())) > _MOST_ELEMENTS:
+            problem = f"{variable.name!r} is an array of {count} elements"
+            raise InputError(str(path), problem, f"up to {_MOST_ELEMENTS}")
 
 
-def _check_names(path: Path, names: list[str]) -> None:
-    for name in names:
-        if name.startswith("/") or "\\" in name or ":" in name or ".." in PurePosixPath(name).parts:
-            raise InputError(str(path), f"unsafe path {name!r} in the archive: refused")
+def _require_description(path: Path, names: list[str]) -> None:
     if "modelDescription.xml" not in names:
         inner = next((name for name in names if name.endswith("/modelDescription.xml")), "")
         if inner.count("/") == 1:
@@ -141,11 +178,14 @@ def _check_names(path: Path, names: list[str]) -> None:
 
 def _read_description(path: Path, archive: zipfile.ZipFile) -> ModelDescription:
     try:
+        if (size := archive.getinfo("modelDescription.xml").file_size) > _MOST_DESCRIPTION:
+            raise InputError(str(path), f"a modelDescription.xml of {size} bytes", f"up to {_MOST_DESCRIPTION}")
         root = ElementTree.fromstring(archive.read("modelDescription.xml"))
         version = root.get("fmiVersion", "")
         if version.startswith("1."):
             raise InputError(str(path), f"FMI {version}", "FMI 2.0, FMI 3.0")
-        description = fmpy.read_model_description(path, validate=False)
+        with path.open("rb") as file:  # which fmpy itself leaves open when it fails
+            description = fmpy.read_model_description(file, validate=False)
         interface = root.find("CoSimulation")
     except InputError:
         raise
@@ -161,6 +201,8 @@ def _read_description(path: Path, archive: zipfile.ZipFile) -> ModelDescription:
 def _interface(path: Path, description: ModelDescription) -> CoSimulation:
     if description.coSimulation is None:
         raise InputError(str(path), "made for model exchange only", "an FMU for co-simulation")
+    if not _IDENTIFIER.fullmatch(identifier := str(description.coSimulation.modelIdentifier)):
+        raise InputError(str(path), f"its model identifier is {identifier[:100]!r}", "a name of C")
     return description.coSimulation
 
 

@@ -53,8 +53,8 @@ class FmuInstance:
         with ExitStack() as resources:
             unpacked = unpack(self.path)
             resources.callback(discard, unpacked.folder)
-            self.variables, self.is_fmi2 = unpacked.variables, unpacked.is_fmi2
-            self.fixed_step, self.interface = unpacked.fixed_step, unpacked.interface
+            self.variables, self.is_fmi2 = (about := unpacked.about).variables, about.is_fmi2
+            self.fixed_step, self.interface = about.fixed_step, about.interface
             self._slave = load_binary(self.path, unpacked)
             resources.callback(self._slave.freeLibrary)
             resources.callback(end_instance, self._slave, on_call)
@@ -62,8 +62,7 @@ class FmuInstance:
         self._bind()
         self._messages: deque[str] = deque(maxlen=3)
         self._handle: ctypes.c_void_p | None = None
-        self._count = 0  # of instances made
-        self._time = 0.0
+        self._count, self._time = 0, 0.0  # instances made, time of the last call in [s]
 
     def port(self, names: list[str]) -> Port:
         """Value references and a buffer for these variables.
@@ -77,8 +76,9 @@ class FmuInstance:
         rows = [row for name in names if (row := find_element(self.variables, name))]
         try:
             return Port(self._slave.dll.library, names, rows, self.is_fmi2)
-        except AttributeError as error:  # a function of single precision, which few binaries have
-            raise InputError(str(self.path), f"its binary lacks what {', '.join(names)} takes: {error}") from error
+        except (AttributeError, ValueError, TypeError, OverflowError) as error:
+            what = "lacks what it takes" if isinstance(error, AttributeError) else "has a start value that is no number"
+            raise InputError(str(self.path), f"it {what} for {', '.join(names)}: {error}") from error
 
     def check_known(self, names: Iterable[str]) -> None:
         """Whether these are names of its variables, of any type.
@@ -202,13 +202,10 @@ class FmuInstance:
         done, size = 0.0, duration
         while True:
             can_retry = not self.fixed_step and size > duration * SMALLEST_PART
-            reached = self._advance(time + done, size, can_retry)
-            done += reached
+            done += (reached := self._advance(time + done, size, can_retry))
             if done >= duration * (1.0 - 1e-9):
                 return
-            if reached < size:
-                size *= 0.5
-            size = min(size, duration - done)
+            size = min(0.5 * size if reached < size else size, duration - done)
 
     def _advance(self, start: float, size: float, can_retry: bool) -> float:
         """One call of doStep; how far it came, in [s]."""
@@ -219,7 +216,10 @@ class FmuInstance:
             raise self._failure(self._step_name, status)
         if self._ended:
             raise PlantError(f"{self.path.name}: the FMU ended the simulation in the step from t = {start:.6g} s")
-        return self._reached(start, size) if status == _DISCARD or self._early else size
+        reached = self._reached(start, size) if status == _DISCARD or self._early else size
+        if reached == 0.0 and not can_retry:
+            raise PlantError(f"{self.path.name}: the step from t = {start:.6g} s comes nowhere")
+        return reached
 
     def _reached(self, start: float, size: float) -> float:
         """How far the step from `start` came that was discarded or that the FMU returned from early, in [s]."""

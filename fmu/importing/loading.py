@@ -64,16 +64,16 @@ class FMU3Tolerant(_Tolerant, FMU3Slave):
     """As above."""
 
 
-def load_binary(path: Path, fmu: UnpackedFmu) -> FMU2Tolerant | FMU3Tolerant:
+def load_binary(path: Path, unpacked: UnpackedFmu) -> FMU2Tolerant | FMU3Tolerant:
     """Load the binary of an unpacked FMU; the working directory stays what it is.
 
     Raises:
         InputError: It cannot be loaded, or lacks a function that nothing goes without.
     """
-    directory = os.getcwd()
+    directory, fmu = os.getcwd(), unpacked.about
     try:
         slave = (FMU2Tolerant if fmu.is_fmi2 else FMU3Tolerant)(
-            guid=fmu.token, unzipDirectory=str(fmu.folder), modelIdentifier=fmu.identifier, instanceName=fmu.name
+            guid=fmu.token, unzipDirectory=str(unpacked.folder), modelIdentifier=fmu.identifier, instanceName=fmu.name
         )
     except Exception as error:  # fmpy raises bare Exception
         raise InputError(str(path), f"its binary cannot be loaded: {error}") from error

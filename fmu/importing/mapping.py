@@ -17,7 +17,6 @@ mass = 1500.0
 """
 
 import math
-import tomllib
 from collections.abc import Mapping as Lookup
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -25,6 +24,7 @@ from typing import Any
 
 from fmpy.model_description import ScalarVariable
 
+from sidestep.plant_models.documents import file_text, toml_tables
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.vehicle.checks import GRAVITY
 from sidestep.plant_models.vehicle.table import vehicle_from_table
@@ -129,12 +129,7 @@ class Mapping:
         Raises:
             InputError: The file cannot be read, or a key or value in it cannot be used.
         """
-        try:
-            text = Path(path).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            problem = error.strerror if isinstance(error, OSError) else str(error)
-            raise InputError(str(path), f"{problem}") from error
-        return cls.from_text(text, str(path), Path(path).parent)
+        return cls.from_text(file_text(path, "a mapping file"), str(path), Path(path).parent)
 
     @classmethod
     def from_text(cls, text: str, label: str = "mapping", folder: Path = Path()) -> "Mapping":
@@ -143,10 +138,7 @@ class Mapping:
         Raises:
             InputError: A key or value in it cannot be used.
         """
-        try:
-            data = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise InputError(label, str(error)) from error
+        data = toml_tables(text, label)
         _known(label, data, (*_TABLES, "estimate", "reference_point"))
         ours, missing = cls(), _estimated(label, data.get("estimate", []))
         outputs = ours.outputs | _signals(label, data, "outputs", OUTPUTS)
@@ -230,7 +222,7 @@ def _unit(where: str, name: str, unit: Any) -> float:
     units = UNITS[DIMENSIONS[name]]
     if unit is None:
         return 1.0
-    if unit not in units:
+    if not isinstance(unit, str) or unit not in units:
         raise InputError(f"{where}.unit", f"{unit!r}", ", ".join(units))
     return units[unit]
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from fmpy.model_description import ScalarVariable
 
-from sidestep.fmu.importing.archive import UnpackedFmu
+from sidestep.fmu.importing.archive import FmuDescription
 from sidestep.fmu.importing.mapping import DIMENSIONS, INPUTS, OUTPUTS
 from sidestep.fmu.importing.ports import FLOATS, elements
 from sidestep.fmu.importing.units import Scale, scale_of, unit_of, without_suffix
@@ -33,7 +33,7 @@ _SECTIONS = {"inputs": (INPUTS, ("input",)), "outputs": (OUTPUTS, ("output", "lo
              "start": (OUTPUTS, ("parameter",))}  # fmt: skip
 
 
-def describe(fmu: UnpackedFmu) -> str:
+def describe(fmu: FmuDescription) -> str:
     """Variables, units and capabilities as text, one variable a line."""
     interface, experiment = fmu.interface, fmu.description.defaultExperiment
     able = {
@@ -60,7 +60,7 @@ def describe(fmu: UnpackedFmu) -> str:
     return "\n".join(lines)
 
 
-def propose_mapping(fmu: UnpackedFmu, path: Path) -> str:
+def propose_mapping(fmu: FmuDescription, path: Path) -> str:
     """A mapping file's text, with a comment wherever a person has to look."""
     found = {name: _section(fmu, *rows) for name, rows in _SECTIONS.items()}
     missing = [name for name in OUTPUTS if name not in found["outputs"]]
@@ -85,7 +85,7 @@ class _Candidate(NamedTuple):
     variable: ScalarVariable
 
 
-def _section(fmu: UnpackedFmu, names: tuple[str, ...], causalities: tuple[str, ...]) -> dict[str, _Candidate]:
+def _section(fmu: FmuDescription, names: tuple[str, ...], causalities: tuple[str, ...]) -> dict[str, _Candidate]:
     fitting_types = [v for v in fmu.variables.values() if v.causality in causalities and v.type in FLOATS]
     candidates = [_Candidate(name, v) for v in fitting_types for name in elements(v)]
     found: dict[str, _Candidate] = {}
@@ -105,7 +105,7 @@ def _section(fmu: UnpackedFmu, names: tuple[str, ...], causalities: tuple[str, .
     return found
 
 
-def _rank(fmu: UnpackedFmu, name: str, candidate: _Candidate) -> int | None:
+def _rank(fmu: FmuDescription, name: str, candidate: _Candidate) -> int | None:
     """How well a variable's name fits a signal, 0 best; None for not at all, or another dimension."""
     if scale_of(fmu.description, candidate.variable, DIMENSIONS[name]) is None:
         return None
@@ -117,7 +117,7 @@ def _rank(fmu: UnpackedFmu, name: str, candidate: _Candidate) -> int | None:
     return None
 
 
-def _row(fmu: UnpackedFmu, name: str, candidate: _Candidate, section: str) -> str:
+def _row(fmu: FmuDescription, name: str, candidate: _Candidate, section: str) -> str:
     variable, keys, comment = candidate.variable, [f'variable = "{candidate.name}"'], ""
     scale = scale_of(fmu.description, variable, DIMENSIONS[name]) or Scale()
     if scale.unit:

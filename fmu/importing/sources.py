@@ -1,7 +1,7 @@
 """The binary of an FMU that brings its C sources, and none for this machine: compiled on first use and cached."""
 
 import hashlib
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import fmpy
 from fmpy.model_description import BuildConfiguration, ModelDescription
@@ -9,6 +9,7 @@ from fmpy.model_description import BuildConfiguration, ModelDescription
 from sidestep.fmu.compiling.cache import cached
 from sidestep.fmu.compiling.platforms import HOST, compile_library
 from sidestep.fmu.scratch import discard, scratch_folder
+from sidestep.plant_models.errors import InputError
 
 _HEADERS = Path(fmpy.__file__).parent / "c-code"
 _OWN_NAMES = ("FMI2_OVERRIDE_FUNCTION_PREFIX", "FMI3_OVERRIDE_FUNCTION_PREFIX")
@@ -16,9 +17,19 @@ _OWN_NAMES = ("FMI2_OVERRIDE_FUNCTION_PREFIX", "FMI3_OVERRIDE_FUNCTION_PREFIX")
 
 
 def source_configuration(description: ModelDescription, identifier: str) -> BuildConfiguration | None:
-    """How the co-simulation FMU is compiled, if it says so."""
+    """How the co-simulation FMU is compiled, if it says so.
+
+    Raises:
+        InputError: It names files of others.
+    """
     found = [c for c in description.buildConfigurations or [] if c.modelIdentifier == identifier]
-    return found[0] if found and any(s.sourceFiles for s in found[0].sourceFileSets) else None
+    if not found or not any(s.sourceFiles for s in found[0].sourceFileSets):
+        return None
+    for part in found[0].sourceFileSets:
+        for name in (*part.sourceFiles, *part.includeDirectories):
+            if not (path := PurePosixPath(name)).parts or path.is_absolute() or ".." in path.parts:
+                raise InputError("buildDescription.xml", f"{name!r} lies outside of sources/", "a file in it")
+    return found[0]
 
 
 def compile_sources(folder: Path, configuration: BuildConfiguration) -> Path:

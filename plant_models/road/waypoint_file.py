@@ -12,6 +12,8 @@ from sidestep.plant_models.road.waypoints import WayPoints
 
 _SIDES = ({"w left", "w tr left", "width left"}, {"w right", "w tr right", "width right"})
 
+_FARTHEST = 1e9  # m
+
 
 @dataclass(frozen=True)
 class _Layout:
@@ -43,6 +45,9 @@ def read_waypoints(path: str | Path, closed: bool | None = None) -> WayPoints:
         raise InputError(str(path), f"cannot be read ({error})") from error
     if values is None:
         raise _first_fault(file, layout)
+    if len(far := np.flatnonzero(~(np.abs(values) <= _FARTHEST).all(axis=1))):
+        where = f"{path}:{_line_of(file, layout, int(far[0]))}"
+        raise InputError(where, "a value that is not finite or too large", f"up to {_FARTHEST:g} m")
     sides = (values[:, 2], values[:, 3]) if values.shape[1] == 4 else (None, None)
     return WayPoints(values[:, :2], lambda i: f"{path}:{_line_of(file, layout, i)}", str(path), *sides, closed)
 

@@ -9,6 +9,7 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
+from sidestep.plant_models.documents import file_bytes
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.tyres.formula import cornering_stiffness
 from sidestep.plant_models.tyres.parameters import TYRE, TyreParameters
@@ -120,10 +121,7 @@ def read_tyre_file(path: str | Path) -> TyreFile:
 
 def _entries(path: str | Path) -> _Entries:
     """Every `KEY = value`; `!` and `$` start comments."""
-    try:
-        lines = Path(path).read_text(encoding="latin-1").splitlines()
-    except OSError as error:
-        raise InputError(str(path), error.strerror or str(error)) from error
+    lines = file_bytes(path, "a tyre property file").decode("latin-1").splitlines()
     result, section = {}, ""
     for number, line in enumerate(lines, 1):
         content = line.partition("$")[0].partition("!")[0].strip()

@@ -1,11 +1,11 @@
 """Vehicle data: one frozen record per car, presets as TOML files beside this module."""
 
 import difflib
-import tomllib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
+from sidestep.plant_models.documents import read_toml
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.ranges import Range, check
 from sidestep.plant_models.tyres.formula import cornering_stiffness
@@ -206,11 +206,7 @@ def read_tables(path: str | Path) -> dict[str, Any]:
     Raises:
         InputError: It cannot be read.
     """
-    try:
-        data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(str(path), str(error)) from error
-    return {"name": Path(path).stem, **data}
+    return {"name": Path(path).stem, **read_toml(path)}
 
 
 def _vehicle(cls: type[VehicleParameters], tables: dict[str, Any], label: str, folder: Path) -> VehicleParameters:

@@ -111,3 +111,26 @@ def test_the_function_itself_stays_at_hand():
     compiled = kernel(twice)
     assert compiled(1.5) == 3.0
     assert getattr(compiled, "py_func", compiled) is twice
+
+
+@pytest.mark.closed_loop
+@pytest.mark.parametrize("how", ["cut", "empty", "garbage", "one bit"])
+@pytest.mark.parametrize("ending", ["nbi", "nbc"])
+def test_what_is_damaged_in_the_cache_is_compiled_again(tmp_path, monkeypatch, ending, how):
+    monkeypatch.setattr(kernels.numba.config, "CACHE_DIR", str(tmp_path / "cache"))
+    (tmp_path / "tripled.py").write_text("def tripled(x):\n    return 3.0 * x\n")
+
+    def hits() -> int:
+        """Of a fresh process' compiler, as far as the cache can tell."""
+        names: dict = {}
+        exec(compile((tmp_path / "tripled.py").read_text(), str(tmp_path / "tripled.py"), "exec"), names)
+        compiled = kernel(names["tripled"])
+        assert compiled(1.5) == 4.5
+        return sum(compiled.stats.cache_hits.values())
+
+    assert [hits(), hits()] == [0, 1]
+    [file] = (tmp_path / "cache").rglob(f"*.{ending}")
+    data = file.read_bytes()
+    flipped = data[:-60] + bytes([data[-60] ^ 1]) + data[-59:]
+    file.write_bytes({"cut": data[: len(data) // 2], "empty": b"", "garbage": b"garbage", "one bit": flipped}[how])
+    assert [hits(), hits()] == [0, 1]

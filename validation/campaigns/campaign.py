@@ -3,7 +3,6 @@
 import itertools
 import json
 import math
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,13 +11,14 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from msgspec import Meta
 
+from sidestep.plant_models.documents import read_toml
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.loop.closed_loop import open_controller
 from sidestep.validation.loop.plants import open_plant
 from sidestep.validation.scenarios.library import read_scenario
 from sidestep.validation.scenarios.random_scenes import random_scene
 from sidestep.validation.scenarios.scenario import Scenario, parse_scenario
-from sidestep.validation.scenarios.tables import checked
+from sidestep.validation.scenarios.tables import Name, checked
 
 RANDOM = "random"
 """Name of the scenario that is another scene for every case, after `random_scenes`."""
@@ -95,9 +95,9 @@ class Case:
 
 @dataclass
 class _File:
+    name: Name
     scenario: str
     vary: dict[str, Any] = field(default_factory=dict)
-    name: Annotated[str, Meta(pattern=r"^[\w.-]+$")] = ""
     method: Literal["sobol", "grid"] = "sobol"
     runs: Annotated[int, Meta(ge=1, le=MOST_CASES)] = 100
     seed: Annotated[int, Meta(ge=0)] = 0
@@ -112,10 +112,7 @@ def load_campaign(path: Path) -> Campaign:
         InputError: With file, dotted key and what is allowed.
         PlantError: A plant in it cannot be built.
     """
-    try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(str(path), f"no readable TOML file ({error})") from error
+    tables = read_toml(path)
     try:
         campaign = _campaign(tables, path)
         _check_corners(campaign)
@@ -126,11 +123,11 @@ def load_campaign(path: Path) -> Campaign:
 
 
 def _campaign(tables: dict[str, Any], path: Path) -> Campaign:
-    top = _File(**checked(_File, tables))
+    top = _File(**checked(_File, {"name": path.stem, **tables}))
     file, text = (path, "") if top.scenario == RANDOM else read_scenario(top.scenario, path.parent)
     vary = {key: _range(table, f"vary.{key}") for key, table in _flat(top.vary)}
     campaign = Campaign(
-        top.name or path.stem, top.scenario, top.method, top.runs, top.seed, top.failure_rate, dict(_flat(top.set)),
+        top.name, top.scenario, top.method, top.runs, top.seed, top.failure_rate, dict(_flat(top.set)),
         vary, text, str(file.absolute()),
     )  # fmt: skip
     if both := sorted(set(campaign.vary) & set(campaign.set)):

@@ -5,10 +5,11 @@ import fcntl
 import json
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from sidestep.plant_models.documents import json_value
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.files import written_file
 
@@ -84,10 +85,10 @@ def read_journal(file: Path) -> tuple[Row, list[Row]]:
 
 def _lines(file: Path) -> list[Row]:
     whole, _, _ = file.read_bytes().rpartition(b"\n")
-    try:
-        lines = [json.loads(line) for line in whole.splitlines()]
-    except ValueError as error:
-        raise InputError(str(file), f"is no file of JSON lines ({error})", "a campaign's .jsonl file") from error
+    lines = [
+        json_value(line, f"{file}: line {number}", "a campaign's .jsonl file")
+        for number, line in enumerate(whole.split(b"\n") if whole else (), 1)
+    ]
     if not all(isinstance(line, dict) for line in lines):
         raise InputError(str(file), "holds lines that are no objects", "a campaign's .jsonl file")
     return lines
@@ -108,4 +109,17 @@ def _lock(descriptor: int, file: Path) -> None:
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
-        raise InputError(str(file), "is being written by another process", "one campaign at a time") from error
+        problem = f"is being written by another process{_owner(descriptor)}"
+        raise InputError(str(file), problem, "one campaign at a time") from error
+
+
+def _owner(descriptor: int) -> str:
+    """Number and name of the process that holds the lock of a file, as Linux tells it; empty elsewhere."""
+    status = os.fstat(descriptor)
+    place = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}:{status.st_ino}"
+    with suppress(OSError, ValueError):
+        for line in Path("/proc/locks").read_text(encoding="ascii").splitlines():
+            if "FLOCK" in (words := line.split()) and place in words:
+                number = int(words[words.index(place) - 1])
+                return f", {number} ({Path(f'/proc/{number}/comm').read_text(errors='replace').strip()})"
+    return ""

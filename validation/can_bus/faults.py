@@ -45,7 +45,8 @@ class _Witness(ControllerNode):
 
     def step(self, time: float, frames: Iterable[Frame]) -> list[Frame]:
         answer = super().step(time, frames)
-        command = decode_steer_command(answer[0][1], 0.0).command
+        sent = next(data for frame_id, data in answer if frame_id == STEER_CMD.frame_id)
+        command = decode_steer_command(sent, 0.0).command
         self.sent.add((command.steer_angle, command.target_speed, command.status))
         return answer
 

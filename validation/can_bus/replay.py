@@ -1,6 +1,5 @@
 """`sidestep can replay`: a log as plant on a bus, or what the controller would have sent."""
 
-import math
 import sys
 import time
 from collections import deque
@@ -37,6 +36,9 @@ from sidestep.validation.scenarios.scenario import Scenario
 
 _UNITS = {"time": "s", "logged": "rad", "asked_now": "rad", "difference": "rad"}
 
+LONGEST_PAUSE = 3600.0
+"""Longer ones in a log are faults of its clock: they are cut to this, in [s], where nothing else is asked for."""
+
 
 @dataclass(frozen=True)
 class Pace:
@@ -45,12 +47,12 @@ class Pace:
     Attributes:
         speed: Times as fast as it was recorded.
         loops: How often.
-        gap: Longest pause, in [s] of the log; None for as long as it was.
+        gap: Longest pause, in [s] of the log.
     """
 
     speed: float = 1.0
     loops: int = 1
-    gap: float | None = None
+    gap: float = LONGEST_PAUSE
 
 
 def replay_as_plant(
@@ -71,7 +73,7 @@ def replay_as_plant(
             found = True
             passed = max(0.0, message.timestamp - last) if last is not None else 0.0
             last = message.timestamp
-            due += min(passed, math.inf if pace.gap is None else pace.gap) / pace.speed
+            due += min(passed, pace.gap) / pace.speed
             time.sleep(max(0.0, due - time.monotonic()))
             sent += bus.send(message)
     if not found:

@@ -2,11 +2,11 @@
 
 import argparse
 import sys
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sidestep.plant_models.documents import read_toml
 from sidestep.plant_models.errors import InputError
 
 if TYPE_CHECKING:
@@ -73,6 +73,6 @@ def _is_of_bus(name: str) -> bool:
     if not Path(name).exists():
         return name in built_in_maps()
     try:
-        return "command" in tomllib.loads(Path(name).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        return "command" in read_toml(name)
+    except InputError:  # told by who reads it
         return False

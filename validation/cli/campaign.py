@@ -61,7 +61,7 @@ def replayed(reference: str, overrides: Sequence[str] = ()) -> tuple[Any, dict[s
     from sidestep.validation.campaigns.campaign_run import load_rows
 
     file, _, number = reference.rpartition(":")
-    if not file or not number.isdecimal():
+    if not file or not number.isdecimal() or len(number) > 9:
         raise InputError("--from", f"{reference!r}", "FILE.jsonl:ROW")
     campaign, rows = load_rows(Path(file))
     row = next((row for row in rows if row["row"] == int(number)), None)

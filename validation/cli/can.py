@@ -1,11 +1,8 @@
 """`sidestep can ...`: the two nodes, monitor, replay, faults and the database."""
 
 import argparse
-import signal
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -50,7 +47,7 @@ def add_can(commands: argparse._SubParsersAction) -> None:
     replay.add_argument("--channel", metavar="NAME", help="the only channel of the log that counts; default: all")
     replay.add_argument("--speed", type=positive_number, metavar="X", help="X times as fast as recorded")
     replay.add_argument("--loop", type=whole_number, metavar="N", help="send it N times")
-    replay.add_argument("--gap", type=positive_number, metavar="S", help="shorten pauses to S seconds")
+    replay.add_argument("--gap", type=positive_number, metavar="S", help="shorten pauses to S seconds (default: 3600)")
     replay.add_argument("--what-if", metavar="SCENARIO", help="ask this scenario's controller instead of sending")
     replay.add_argument("--out", type=Path, metavar="DIR", help="of --what-if; default: what-if")
     _bus_options(replay)
@@ -131,10 +128,7 @@ def _drive(options: argparse.Namespace) -> int:
     scenario = load_scenario(options.scenario, options.overrides)
     bus = described(options, scenario)
     folder = _folder(options, f"{scenario.name}-controller")
-    with _terminated_as_interrupted():
-        figures = run_controller(
-            scenario, folder, options.can, bus, options.log, options.allow_real_bus
-        )  # fmt: skip
+    figures = run_controller(scenario, folder, options.can, bus, options.log, options.allow_real_bus)
     with written_to(folder):
         said = {name: figures.pop(name) for name in ("verdict", "label", "findings")}
         summary = {"scenario": scenario.name, "command_line": options.command_line, **said, "can": figures}
@@ -161,7 +155,7 @@ def _plant(options: argparse.Namespace) -> int:
     bus = described(options, scenario)
     folder = _folder(options, scenario.name)
     bar = progress_bar(f"{scenario.name} on {scenario.plant.name}", scenario.duration)
-    with _terminated_as_interrupted(), bar as progress:
+    with bar as progress:
         run = run_plant(
             scenario, folder, options.can, bus, options.log, options.allow_real_bus, progress,
             options.command_line,
@@ -173,16 +167,6 @@ def _plant(options: argparse.Namespace) -> int:
     if run.interrupted:
         raise KeyboardInterrupt
     return 0 if run.judgement.passed else 1
-
-
-@contextmanager
-def _terminated_as_interrupted() -> Iterator[None]:
-    """SIGTERM is a Ctrl-C: what has been driven is written."""
-    before = signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def _timing(figures: dict[str, Any]) -> str:
@@ -208,7 +192,7 @@ def _monitor(options: argparse.Namespace) -> int:
 
 
 def _replay(options: argparse.Namespace) -> int:
-    from sidestep.validation.can_bus.replay import Pace, replay_as_plant, what_if
+    from sidestep.validation.can_bus.replay import LONGEST_PAUSE, Pace, replay_as_plant, what_if
     from sidestep.validation.scenarios.scenario import load_scenario
 
     if options.what_if:
@@ -222,7 +206,7 @@ def _replay(options: argparse.Namespace) -> int:
     if options.out:
         raise InputError("--out", "makes no difference without --what-if", "both, or neither")
     with _shared_bus(options) as bus:
-        pace = Pace(options.speed or 1.0, options.loop or 1, options.gap)
+        pace = Pace(options.speed or 1.0, options.loop or 1, options.gap or LONGEST_PAUSE)
         sent = replay_as_plant(options.log, bus, described(options), options.channel, pace)
         print(f"{sent} frames sent on {bus.spec}")
     return 0

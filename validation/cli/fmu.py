@@ -111,17 +111,13 @@ def _export(options: argparse.Namespace) -> int:
 
 
 def _info(options: argparse.Namespace) -> int:
-    from sidestep.fmu.importing.archive import unpack
+    from sidestep.fmu.importing.archive import describe_fmu
     from sidestep.fmu.importing.proposal import describe, propose_mapping
-    from sidestep.fmu.scratch import discard
     from sidestep.validation.files import check_file, write_text, written_file
 
     check_file(options.map, "--map")
-    fmu = unpack(options.file, to_run=False)
-    try:
-        text, proposal = describe(fmu), propose_mapping(fmu, options.file)
-    finally:
-        discard(fmu.folder)
+    fmu = describe_fmu(options.file)
+    text, proposal = describe(fmu), propose_mapping(fmu, options.file)
     print(f"{text}\n\n{proposal}", end="")
     if options.map:
         with written_file(options.map, "--map"):

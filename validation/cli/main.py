@@ -1,7 +1,7 @@
 """The `sidestep` command: one function per subcommand, heavy imports only in the one that runs.
 
 Exit status: 0 pass, 1 the run ended and its verdict is fail or inconclusive (or nobody reads what it prints any more),
-2 bad input or usage, 130 interrupted.
+2 bad input or usage (or an error that nobody foresaw), 130 interrupted or terminated.
 """
 
 import argparse
@@ -12,7 +12,6 @@ import sys
 import time
 from collections.abc import Sequence
 from importlib.metadata import version
-from io import TextIOWrapper
 from pathlib import Path
 
 from sidestep.plant_models.errors import InputError, PlantError
@@ -23,12 +22,15 @@ from sidestep.validation.cli.can import add_can
 from sidestep.validation.cli.compare import add_compare, add_golden
 from sidestep.validation.cli.export import add_export
 from sidestep.validation.cli.fmu import add_fmu
+from sidestep.validation.cli.last_resort import one_line, unforeseen
 from sidestep.validation.cli.limits import add_limits
 from sidestep.validation.cli.scenarios import add_import, add_scenarios
 from sidestep.validation.cli.shell.completion import add_completion
 from sidestep.validation.cli.shell.parser import BAD_INPUT, Parser
 from sidestep.validation.cli.validate import add_validate
 from sidestep.validation.cli.vehicles import add_vehicles
+from sidestep.validation.interrupt import terminated_as_interrupted
+from sidestep.validation.shown import shown
 
 FAILED, INTERRUPTED = 1, 130
 
@@ -40,8 +42,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit status.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
-    if isinstance(sys.stdout, TextIOWrapper):
-        sys.stdout.reconfigure(errors="replace")  # a terminal without our units and dashes is no reason to end
+    with shown():
+        return _ended(arguments)
+
+
+def _ended(arguments: Sequence[str]) -> int:
     try:
         try:
             return _status(arguments)
@@ -60,15 +65,24 @@ def _status(arguments: Sequence[str]) -> int:
     options = _parser().parse_args(arguments)
     options.command_line = shlex.join(["sidestep", *arguments])
     try:
-        if any("\ud800" <= letter <= "\udfff" for letter in options.command_line):  # bytes that are no UTF-8
-            raise InputError("arguments", f"{options.command_line!a} cannot be read", "UTF-8")
-        return options.command(options)
+        with terminated_as_interrupted():
+            return _done(options)
     except (InputError, PlantError) as error:
-        print("sidestep:", " ".join(str(error).split()), file=sys.stderr)
-        return BAD_INPUT
+        print(f"sidestep: {one_line(str(error))}", file=sys.stderr)
     except KeyboardInterrupt:
         print("sidestep: interrupted", file=sys.stderr)
         return INTERRUPTED
+    except Exception as error:  # the last resort
+        if isinstance(error, OSError) and error.errno is not None:
+            raise
+        print(f"sidestep: {unforeseen(error, arguments)}", file=sys.stderr)
+    return BAD_INPUT
+
+
+def _done(options: argparse.Namespace) -> int:
+    if any("\ud800" <= letter <= "\udfff" for letter in options.command_line):  # bytes that are no UTF-8
+        raise InputError("arguments", f"{options.command_line!a} cannot be read", "UTF-8")
+    return options.command(options)
 
 
 def _parser() -> argparse.ArgumentParser:

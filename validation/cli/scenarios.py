@@ -37,12 +37,12 @@ def _scenarios(options: argparse.Namespace) -> int:
 
 
 def _import(options: argparse.Namespace) -> int:
-    from sidestep.validation.files import check_file, complete_path, write_text, written_file
+    from sidestep.validation.files import check_file, companion, complete_path, write_text, written_file
     from sidestep.validation.report.topview import scene_view
     from sidestep.validation.scenarios.readers.formats import read_foreign, to_toml
     from sidestep.validation.scenarios.scenario import scenario_from_tables
 
-    picture = options.out.with_suffix(".png")
+    picture = companion(options.out, ".png")
     check_file(options.out, "--out")
     imported = read_foreign(options.file)
     scenario = scenario_from_tables(imported.tables, str(options.file), options.file, imported.notes)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sidestep.plant_models.documents import file_text
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.notebook import facts_table
 from sidestep.validation.files import complete
@@ -139,6 +140,9 @@ class Recording:
         return int(np.count_nonzero(self.steps["feasible"] == 0.0))
 
 
+_LONGEST = 1.1e5  # s; a scenario takes 1e5 at most
+
+
 def write_columns(file: Path, columns: Mapping[str, Array], units: Mapping[str, str], note: str = "") -> None:
     """Write a CSV with units in its header, after a line `# note` if there is one; complete or not there."""
     with complete(file) as stream:
@@ -154,10 +158,7 @@ def read_columns(file: Path) -> dict[str, Array]:
     Raises:
         InputError: It cannot be read, is cut short, or holds something else.
     """
-    try:
-        lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(str(file), f"cannot be read ({getattr(error, 'strerror', error)})", _CSV) from error
+    lines = file_text(file, _CSV).splitlines(keepends=True)
     if not lines or not lines[-1].endswith("\n"):
         raise InputError(str(file), f"is cut short in line {max(len(lines), 1)}", _CSV)
     head, *rows = csv.reader(line for line in lines if not line.startswith("#"))
@@ -169,3 +170,13 @@ def read_columns(file: Path) -> dict[str, Array]:
     except ValueError as error:
         raise InputError(str(file), f"holds something else ({error})", _CSV) from error
     return {name.partition(" [")[0]: values[:, i] for i, name in enumerate(head)}
+
+
+def require_times(time: Array, where: str) -> None:
+    """Refuse times that no run has: what is drawn and compared is made anew on a grid of them.
+
+    Raises:
+        InputError: They do not rise, are not finite, or go on for longer than a scenario may.
+    """
+    if not (np.isfinite(time).all() and (np.diff(time) > 0.0).all() and time[-1] - time[0] <= _LONGEST):
+        raise InputError(f"{where}: time", "does not rise, or goes on for too long", f"up to {_LONGEST:g} s")

@@ -1,9 +1,9 @@
 """The scenarios that come with the package, and the text of any: light to load, for lists and for wrong names."""
 
-import tomllib
 from pathlib import Path
 from typing import NamedTuple
 
+from sidestep.plant_models.documents import file_text, toml_tables
 from sidestep.plant_models.errors import InputError, did_you_mean
 
 _BUILT_IN = Path(__file__).parent / "built_in"
@@ -33,7 +33,7 @@ def built_in_scenarios() -> tuple[str, ...]:
 def outline(name: str) -> Outline:
     """What the list says of a built-in scenario."""
     _, text = read_scenario(name)
-    tables = tomllib.loads(text)
+    tables = toml_tables(text, name)
     length = sum(segment["length"] for segment in tables["road"]["segments"])
     return Outline(name, tables["speed"], length, tables["description"])
 
@@ -60,7 +60,4 @@ def read_scenario(name_or_path: str | Path, folder: Path = Path()) -> tuple[Path
 
         imported = read_foreign(file)
         return file, to_toml(imported.tables, imported.notes)
-    try:
-        return file, file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(str(file), f"no readable TOML file ({error})") from error
+    return file, file_text(file, "a TOML file")

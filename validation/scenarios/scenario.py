@@ -1,16 +1,15 @@
 """Scenarios: what is driven, as one checked value, from a TOML file and `--set` overrides."""
 
 import math
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from msgspec import Meta
 
 from sidestep.controller import ControllerConfig
+from sidestep.plant_models.documents import toml_tables
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.notebook import facts_table
 from sidestep.plant_models.obstacle import Obstacle
@@ -26,7 +25,7 @@ from sidestep.validation.scenarios.own_car import own_car, told_car
 from sidestep.validation.scenarios.plant_settings import PlantSettings, plant_settings
 from sidestep.validation.scenarios.readers.formats import ENDINGS, read_foreign
 from sidestep.validation.scenarios.road_table import road_path
-from sidestep.validation.scenarios.tables import checked, file_at, override, overrides_of
+from sidestep.validation.scenarios.tables import Name, checked, file_at, override, overrides_of
 from sidestep.validation.scenarios.traffic import obstacle, placed
 
 ELSEWHERE = ("width_left", "width_right", "cruise_speed")
@@ -107,7 +106,7 @@ class ScenarioTables:
         goal: Table, see `goal`.
     """
 
-    name: Annotated[str, Meta(pattern=r"^[\w.-]+$")]
+    name: Name
     speed: Speed
     duration: Annotated[float, Range(0.001, 1e5, "s")]
     road: dict[str, Any]
@@ -185,10 +184,7 @@ def parse_scenario(
     Raises:
         InputError: With label, dotted key and what is allowed.
     """
-    try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(label, f"no readable TOML file ({error})") from error
+    tables = toml_tables(text, label)
     for change in overrides:
         override(tables, change)
     return scenario_from_tables(tables, label, file)

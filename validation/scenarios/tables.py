@@ -2,18 +2,22 @@
 
 import json
 import re
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 import numpy as np
+from msgspec import Meta
 
+from sidestep.plant_models.documents import toml_value
 from sidestep.plant_models.errors import InputError, did_you_mean
 from sidestep.plant_models.ranges import Range, range_of
+
+Name = Annotated[str, Meta(pattern=r"\A(?!\.{1,2}\Z)[\w.-]{1,100}\Z")]
+"""What may become the name of a folder."""
 
 
 def checked(
@@ -100,8 +104,10 @@ def _value(hint: Any, value: Any, where: str, partial: bool) -> Any:
 
 def _in_words(hint: Any, message: str) -> str:
     """What msgspec expected, in TOML's words, which have no null."""
+    if hint is Name:
+        return "1 to 100 letters, digits, _, . or -, but not . or .."
     if get_origin(hint) is Literal:
-        return ", ".join(get_args(hint))
+        return ", ".join(map(str, get_args(hint)))
     expected = re.sub(
         r"Expected `([^`]*)`", lambda kind: _WORDS.get(text := kind[1].removesuffix(" | null"), text), message
     )
@@ -133,9 +139,9 @@ def override(tables: dict[str, Any], text: str) -> None:
         if not isinstance(target, dict | list):
             raise InputError(f"--set {key}", f"{part!r} holds a value, not a table")
     if isinstance(target, list):
-        target[_index(target, parts[-1], key)] = _toml_value(value)
+        target[_index(target, parts[-1], key)] = toml_value(value, f"--set {key}")
     else:
-        target[parts[-1]] = _toml_value(value)
+        target[parts[-1]] = toml_value(value, f"--set {key}")
 
 
 def overrides_of(values: Mapping[str, Any], above: str = "") -> list[str]:
@@ -188,13 +194,6 @@ def _entry(target: Any, part: str, key: str) -> Any:
 
 
 def _index(target: list[Any], part: str, key: str) -> int:
-    if not part.isdecimal() or int(part) >= len(target):
-        raise InputError(f"--set {key}", f"no entry {part!r} in a list of {len(target)}", "numbers from 0")
+    if not part.isdecimal() or len(part) > 9 or int(part) >= len(target):
+        raise InputError(f"--set {key}", f"no entry {part[:60]!r} in a list of {len(target)}", "numbers from 0")
     return int(part)
-
-
-def _toml_value(text: str) -> Any:
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
-        return text.strip()

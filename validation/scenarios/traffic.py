@@ -1,6 +1,7 @@
 """Obstacles of a scenario file: boxes that stand, go at constant speed along the road, or follow a trajectory."""
 
 import math
+import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -164,8 +165,10 @@ def _columns(file: Path, names: tuple[str, ...]) -> dict[str, Array]:
     try:
         with open(file, encoding="utf-8-sig") as stream:
             head = [cell.strip(' "#\n').partition(" ")[0].lower() for cell in stream.readline().split(",")]
-        values = np.loadtxt(file, delimiter=",", skiprows=1, ndmin=2, encoding="utf-8-sig")
-    except (OSError, ValueError) as error:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")  # of a file without data
+                values = np.loadtxt(stream, delimiter=",", ndmin=2)
+    except (OSError, ValueError, UserWarning) as error:
         raise InputError(str(file), f"no table of numbers ({error})", ", ".join(names)) from error
     for name in names:
         if name not in head:

@@ -3,7 +3,6 @@
 The same description gives the arguments of `tc netem` for a real vcan, as far as the kernel can do the same.
 """
 
-import tomllib
 from dataclasses import dataclass, fields
 from heapq import heappop, heappush
 from math import inf
@@ -12,6 +11,7 @@ from random import Random
 from typing import Annotated
 
 from sidestep.controller.can_port.codec.database import BusMessage, Catalogue, Frame, messages
+from sidestep.plant_models.documents import read_toml
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.ranges import Range, check
 
@@ -87,10 +87,7 @@ class FaultSpec:
         Raises:
             InputError: The file cannot be read, or a key or value in it cannot be used.
         """
-        try:
-            data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-            raise InputError(str(path), str(error)) from error
+        data = read_toml(path)
         names = [f.name for f in fields(cls)]
         for key in data:
             if key not in names:

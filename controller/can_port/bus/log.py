@@ -2,26 +2,25 @@
 
 import gzip
 import io
-import shutil
+import logging
 import sqlite3
 import struct
 import tempfile
-import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import can
-from can.io.blf import BLFParseError
 
 from sidestep.controller.can_port.bus.log_blf import CarefulBlfReader
 from sidestep.controller.can_port.bus.log_text import candump, table
 from sidestep.controller.can_port.codec.samples import EXACT_ID, LOG_CHANNEL
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.unpacking import unpack_gz
 
 _WRITERS: dict[str, Any] = {
     ".blf": partial(can.BLFWriter, max_container_size=1 << 12),  # packing the usual 128 KiB takes half a cycle
@@ -35,10 +34,10 @@ _WHOLE: dict[str, Any] = {".db": can.SqliteReader, ".mf4": can.MF4Reader}
 READABLE = (".blf", *_TEXT, *_WHOLE)
 """Kinds of logs that can be read, each also packed as .gz."""
 
-_DAMAGE = (
-    OSError, ValueError, IndexError, KeyError, AssertionError, struct.error, BLFParseError, EOFError, zlib.error,
-    sqlite3.Error,
-)  # fmt: skip
+LATEST = 1e11
+"""Time stamps that a log may have, in [s]: later ones, and none before 0, are damage."""
+
+_LONGEST_LINE = 1 << 20  # letters
 
 
 @dataclass
@@ -120,14 +119,18 @@ def read_log(path: Path, channel: str | None = None, report: LogReport | None = 
     report, any_frame = report or LogReport(), False
     lines = _Lines()
     try:
-        with _messages(path, lines) as messages:
+        with _warnings_counted(report), _messages(path, lines) as messages:
             for message in messages:
                 if channel is not None and str(message.channel) != channel:
                     continue
                 any_frame = True
+                if not 0.0 <= message.timestamp <= LATEST:
+                    raise ValueError(f"a time stamp of {message.timestamp:g} s")
                 if report.take(message):
                     yield message
-    except _DAMAGE as error:
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:  # python-can's readers let every kind of error out
         why = error.strerror if isinstance(error, OSError) and error.strerror else str(error) or type(error).__name__
         place = f"line {lines.number}: " if lines.number else ""
         if not any_frame:
@@ -136,6 +139,27 @@ def read_log(path: Path, channel: str | None = None, report: LogReport | None = 
             raise InputError(str(path), f"cannot read the CAN log: {place}{why}", _allowed()) from error
         count = report.frames.total() + report.others.total()
         report.damage = f"damaged: {place}{why}; {count} frames read before"
+
+
+@contextmanager
+def _warnings_counted(report: LogReport) -> Iterator[None]:
+    """Count what python-can's readers drop, which it would print otherwise."""
+    logger, counter = logging.getLogger("can"), _Counter(logging.WARNING)
+    counter.counts = report.others
+    logger.addHandler(counter)
+    before, logger.propagate = logger.propagate, False
+    try:
+        yield
+    finally:
+        logger.propagate = before
+        logger.removeHandler(counter)
+
+
+class _Counter(logging.Handler):
+    counts: Counter[str]
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.counts["lines that are no frames"] += 1
 
 
 def _allowed() -> str:
@@ -149,23 +173,26 @@ def _messages(path: Path, lines: "_Lines") -> Iterator[Iterator[can.Message]]:
     if kind not in READABLE:
         raise InputError(str(path), f"unknown kind of CAN log {kind!r}", _allowed())
     with ExitStack() as resources:
-        file: BinaryIO = resources.enter_context(gzip.open(path) if packed else open(path, "rb"))  # type: ignore[arg-type] # noqa: SIM115
         if kind in _WHOLE:
-            yield iter(_whole(kind, path, file if packed else None, resources))
-        elif kind == ".blf":
+            yield iter(_whole(kind, path, packed, resources))
+            return
+        file: BinaryIO = resources.enter_context(gzip.open(path) if packed else open(path, "rb"))  # type: ignore[arg-type] # noqa: SIM115
+        if kind == ".blf":
             yield iter(CarefulBlfReader(file))
         else:
             lines.file = io.TextIOWrapper(file, encoding="utf-8-sig", errors="replace", newline="")
             yield _TEXT[kind](lines)
 
 
-def _whole(kind: str, path: Path, packed: BinaryIO | None, resources: ExitStack) -> Any:
+def _whole(kind: str, path: Path, packed: bool, resources: ExitStack) -> Any:
     """A reader of a kind that has to be a file, unpacked first if need be."""
-    if packed is not None:
+    if packed:
         folder = resources.enter_context(tempfile.TemporaryDirectory())
-        path = Path(folder) / f"log{kind}"
-        with path.open("wb") as unpacked:
-            shutil.copyfileobj(packed, unpacked)
+        unpacked = Path(folder) / f"log{kind}"
+        unpack_gz(path, unpacked)
+        path = unpacked
+    if kind == ".db":
+        _require_table(path)
     with path.open("rb") as file:
         if kind == ".mf4" and file.read(3) != b"MDF":  # asammdf would leave it open
             raise ValueError("no MDF file")
@@ -173,6 +200,14 @@ def _whole(kind: str, path: Path, packed: BinaryIO | None, resources: ExitStack)
         return resources.enter_context(_WHOLE[kind](path))
     except ImportError as error:
         raise InputError(str(path), "needs the extra mdf", "pip install 'sidestep[mdf]'") from error
+
+
+def _require_table(path: Path) -> None:
+    """Refuse a database that would work the frames out: a view may have no end."""
+    with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
+        kinds = database.execute("SELECT type FROM sqlite_master WHERE name = 'messages'").fetchall()
+    if kinds != [("table",)]:
+        raise ValueError("no table of messages")
 
 
 class _Lines:
@@ -198,11 +233,17 @@ class _Lines:
 
     def readline(self) -> str:
         """The next line; empty at the end."""
-        line = self.file.readline()
+        line = self._next()
         while "start of measurement" in line.lower():  # which some tools write in ways of their own
             self.number += 1
-            line = self.file.readline()
+            line = self._next()
         self.number += bool(line)
+        return line
+
+    def _next(self) -> str:
+        line = self.file.readline(_LONGEST_LINE)
+        if len(line) == _LONGEST_LINE:
+            raise ValueError(f"a line of {_LONGEST_LINE} letters or more")
         return line
 
     def close(self) -> None:

@@ -17,6 +17,17 @@ from can.io.blf import (
 
 _HEAD = OBJ_HEADER_BASE_STRUCT.size
 _SMALLEST = _HEAD + 16  # an object without anything in it
+_MOST_BYTES = 64 << 20  # of a container, when unpacked; writers fill them with 128 KiB
+
+
+def _unpacked(packed: bytes) -> bytes:
+    worker = zlib.decompressobj()
+    data = worker.decompress(packed, _MOST_BYTES)
+    if worker.unconsumed_tail:
+        raise BLFParseError(f"a container that unpacks to more than {_MOST_BYTES} bytes")
+    if not worker.eof:
+        raise zlib.error("incomplete stream")
+    return data
 
 
 class CarefulBlfReader(BLFReader):
@@ -59,7 +70,7 @@ class CarefulBlfReader(BLFReader):
         try:
             method, _ = LOG_CONTAINER_STRUCT.unpack_from(content)
             packed = content[LOG_CONTAINER_STRUCT.size :]
-            data = packed if method == NO_COMPRESSION else zlib.decompress(packed) if method == ZLIB_DEFLATE else None
+            data = packed if method == NO_COMPRESSION else _unpacked(packed) if method == ZLIB_DEFLATE else None
         except (struct.error, zlib.error) as error:
             raise BLFParseError(f"damaged container at byte {place}: {error}") from error
         if data is None:

@@ -172,12 +172,16 @@ def _switch(message: Message, switch: m.Switch, where: str) -> tuple[Field, int,
     return Field.of(signal_named(message, switch.signal, f"{where}.signal")), switch.on, switch.off
 
 
+_LONGEST_CYCLE = 1e4  # ms
+
+
 def _message(
     message: Message, table: m.MappedTable, where: str, sender: str, numbers: tuple[Number, ...], **more: object
 ) -> MappedMessage:
     cycle = table.cycle_ms or message.cycle_time or 1e3 * CYCLE
-    if not cycle >= 1e3 * CYCLE:
-        raise InputError(f"{where}.cycle_ms", f"{cycle:g} ms", f">= {1e3 * CYCLE:g} ms")
+    if not 1e3 * CYCLE <= cycle <= _LONGEST_CYCLE:
+        allowed = f">= {1e3 * CYCLE:g} ms, up to {_LONGEST_CYCLE:g} ms"
+        raise InputError(f"{where}.cycle_ms", f"{cycle:g} ms", allowed)
     base = bytearray(message.length)
     for signal in message.signals:
         Field.of(signal).put(base, int(signal.raw_initial or 0))

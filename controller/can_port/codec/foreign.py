@@ -7,12 +7,14 @@ import cantools.database
 from cantools.database.can import Database, Message, Signal
 
 from sidestep.controller.can_port.codec.database import EXTENDED
+from sidestep.plant_models.documents import file_bytes
 from sidestep.plant_models.errors import InputError
 
 FORMATS = {".dbc": "dbc", ".kcd": "kcd", ".sym": "sym", ".arxml": "arxml"}
 """Formats by ending."""
 
 _ENCODINGS = ("utf-8-sig", "cp1252")
+_MOST_BYTES, _MOST_LEFT_OUT = 16_000_000, 50  # the largest public ones hold 2 MB; every line left out is a reading more
 
 
 def load_database(path: Path) -> tuple[Database, str]:
@@ -30,7 +32,7 @@ def load_database(path: Path) -> tuple[Database, str]:
     except Exception as error:
         strictly = " ".join(str(error).split())
     text, left_out = _mended(text, kind), []
-    while True:
+    for _ in range(_MOST_LEFT_OUT):
         try:
             return _parsed(text, kind, strict=False), "; ".join([strictly, *left_out])
         except Exception as error:  # cantools raises its own, its parser's and the standard library's errors
@@ -39,6 +41,7 @@ def load_database(path: Path) -> tuple[Database, str]:
             if line is None:
                 raise InputError(str(path), f"cannot be read: {why}", f"a {kind} file") from error
             left_out.append(f"left out: {line}")
+    raise InputError(str(path), f"still cannot be read without {_MOST_LEFT_OUT} of its lines", f"a {kind} file")
 
 
 _DROPPABLE = ("CM_", "VAL_", "BA_", "SIG_GROUP_")
@@ -60,6 +63,8 @@ def _parsed(text: str, kind: str, strict: bool) -> Database:
     database = cantools.database.load_string(text, database_format=kind, strict=strict)
     if not isinstance(database, Database):
         raise ValueError("describes no CAN bus")
+    if not all(thing.name for message in database.messages for thing in (message, *message.signals)):
+        raise ValueError("a message or a signal without a name")
     return database
 
 
@@ -68,7 +73,8 @@ _NUMBERED = re.compile(
 )
 
 
-_MESSAGE = re.compile(r"^BO_ (\d+) ", re.MULTILINE)
+_MESSAGE = re.compile(r"^BO_ (\d{1,10}) ", re.MULTILINE)
+_REFERENCE = re.compile(r"\b([A-Z_]+_) (\d{1,10})\b")
 
 
 def _mended(text: str, kind: str) -> str:
@@ -76,17 +82,14 @@ def _mended(text: str, kind: str) -> str:
     if kind != "dbc":
         return text
     text = _NUMBERED.sub(r"\1_\2", text)
-    for number in {int(found) for found in _MESSAGE.findall(text)}:
-        if 0x7FF < number <= 0x1FFFFFFF:
-            text = re.sub(rf"\b([A-Z_]+_) {number}\b", rf"\1 {number | EXTENDED}", text)
-    return text
+    long = {number for found in _MESSAGE.findall(text) if 0x7FF < (number := int(found)) <= 0x1FFFFFFF}
+    return _REFERENCE.sub(lambda at: f"{at[1]} {int(at[2]) | EXTENDED}" if int(at[2]) in long else at[0], text)
 
 
 def _text(path: Path) -> str:
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(str(path), f"cannot be read: {error.strerror}") from error
+    data = file_bytes(path, "a database of messages")
+    if len(data) > _MOST_BYTES:
+        raise InputError(str(path), f"{len(data)} bytes", f"up to {_MOST_BYTES}")
     for encoding in _ENCODINGS:
         try:
             return data.decode(encoding)

@@ -1,12 +1,12 @@
 """BUS.toml: which messages and signals of somebody else's database carry the steering. See docs/can.md."""
 
-import tomllib
 from math import inf
 from pathlib import Path
 from typing import Literal
 
 import msgspec
 
+from sidestep.plant_models.documents import read_toml
 from sidestep.plant_models.errors import InputError
 
 
@@ -212,11 +212,7 @@ def read_bus_file(path: Path) -> BusFile:
     Raises:
         InputError: It cannot be read, or a key or value in it cannot be used.
     """
-    try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        why = error.strerror if isinstance(error, OSError) else error
-        raise InputError(str(path), f"cannot be read: {why}", "a mapping file, see docs/can.md") from error
+    tables = read_toml(path, "a mapping file, see docs/can.md")
     try:
         file = msgspec.convert(tables, BusFile)
     except msgspec.ValidationError as error:

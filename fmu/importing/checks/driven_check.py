@@ -4,11 +4,10 @@ import math
 from functools import partial
 from pathlib import Path
 
-from sidestep.fmu.importing.archive import unpack
+from sidestep.fmu.importing.archive import describe_fmu
 from sidestep.fmu.importing.isolation import IsolatedPlant
 from sidestep.fmu.importing.mapping import OUTPUTS, Mapping
 from sidestep.fmu.importing.plant import FmuPlant
-from sidestep.fmu.scratch import discard
 from sidestep.plant_models.checks.check_plant import check_plant
 from sidestep.plant_models.checks.driving import DT
 from sidestep.plant_models.errors import InputError, PlantError
@@ -46,6 +45,5 @@ def check_driven(path: Path, map_file: Path) -> list[str]:
 
 def _step(path: Path) -> float:
     """Twice a step that the FMU can make, about DT."""
-    fmu = unpack(path)
-    discard(fmu.folder)
+    fmu = describe_fmu(path)
     return 2.0 * fmu.fixed_step * math.ceil(0.5 * DT / fmu.fixed_step - 1e-9) if fmu.fixed_step else DT

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from fmpy.validation import validate_fmu
 
-from sidestep.fmu.importing.archive import UnpackedFmu, unpack
+from sidestep.fmu.importing.archive import FmuDescription, unpack
 from sidestep.fmu.importing.instance import FmuInstance
 from sidestep.fmu.importing.isolation import Report, reported
 from sidestep.fmu.importing.ports import FLOATS, elements
@@ -40,13 +40,13 @@ def check_fmu(path: Path) -> list[tuple[str, str]]:
     except PlantError as error:
         return [("sidestep", str(error))]
     try:
-        found = [("sidestep", finding) for finding in (*_described(fmu), *_run(path))]
+        found = [("sidestep", finding) for finding in (*_described(fmu.about), *_run(path))]
     finally:
         discard(fmu.folder)
     return found + [("fmpy", finding) for finding in _fmpy(path)] + [("fmutool", finding) for finding in _fmutool(path)]
 
 
-def _described(fmu: UnpackedFmu) -> Iterator[str]:
+def _described(fmu: FmuDescription) -> Iterator[str]:
     names = {variable.causality for variable in fmu.variables.values()}
     for causality in ("input", "output"):
         if causality not in names:

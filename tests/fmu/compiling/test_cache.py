@@ -26,10 +26,12 @@ def empty_cache(tmp_path, monkeypatch):
 
 def damage(file, how):
     data = file.read_bytes()
-    file.write_bytes({"cut": data[: len(data) // 2], "garbage": b"garbage", "empty": b""}[how])
+    other = data[:18] + b"\xb7" + data[19:]  # e_machine of an ELF: AArch64
+    new = {"cut": data[: len(data) // 2], "garbage": b"garbage", "empty": b"", "other machine": other}
+    file.write_bytes(new[how])
 
 
-@pytest.mark.parametrize("how", ["cut", "garbage", "empty"])
+@pytest.mark.parametrize("how", ["cut", "garbage", "empty", "other machine"])
 @pytest.mark.parametrize("suffix", [".fmu", ".so"])
 def test_a_broken_entry_is_built_again(empty_cache, how, suffix):
     first = build_fmu("linear")

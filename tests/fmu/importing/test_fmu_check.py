@@ -34,7 +34,7 @@ def with_description(source, target, *replacements):
 
 def test_proposed_mapping_is_the_one_that_drives(foreign):
     with unpacked(foreign[0]) as fmu:
-        text, proposal = describe(fmu), propose_mapping(fmu, foreign[0])
+        text, proposal = describe(fmu.about), propose_mapping(fmu.about, foreign[0])
     assert "steps by multiples of 0.01 s only" in text
     assert "HandWheel" in text
     found, expected = Mapping.from_text(proposal), Mapping.from_text(FOREIGN_MAP)
@@ -51,7 +51,7 @@ def test_proposed_mapping_is_the_one_that_drives(foreign):
 def test_proposal_for_our_own_fmu_needs_no_edit(model, fmi):
     file = build_fmu(model, fmi)
     with unpacked(file) as fmu:
-        proposal, text = Mapping.from_text(propose_mapping(fmu, file)), describe(fmu)
+        proposal, text = Mapping.from_text(propose_mapping(fmu.about, file)), describe(fmu.about)
     assert proposal == Mapping()
     assert "can: variable step, state save, state serialisation, directional derivatives" in text
     assert "default step 0.02 s" in text
@@ -72,7 +72,7 @@ def test_proposal_says_what_a_person_has_to_look_at(tmp_path):
         text = text.replace(row, row.replace(' unit="rad"', "").replace(' unit="m/s"', ""))
     file = changed(build_fmu(), tmp_path / "car.fmu", {"modelDescription.xml": text.encode()})
     with unpacked(file) as fmu:
-        proposal = propose_mapping(fmu, file)
+        proposal = propose_mapping(fmu.about, file)
     assert 'steer_angle = { variable = "steering", full_lock = 0.6 }  # road-wheel angle at 1 [rad]: check' in proposal
     assert 'throttle = { variable = "gas", scale = 3.0 }  # acceleration at full pedal' in proposal
     assert 'brake = { variable = "brake", scale = 8.0 }' in proposal
@@ -85,8 +85,8 @@ def test_proposal_without_steering_says_so(tmp_path):
         build_fmu(), tmp_path / "car.fmu", ('name="steer_angle_command"', 'name="knob"'), (' stepSize="0.02"', "")
     )
     with unpacked(file) as fmu:
-        assert '# steer_angle = "?"  # not found: what steers the car?' in propose_mapping(fmu, file)
-        assert "default step" not in describe(fmu)
+        assert '# steer_angle = "?"  # not found: what steers the car?' in propose_mapping(fmu.about, file)
+        assert "default step" not in describe(fmu.about)
 
 
 @pytest.mark.parametrize("model", MODELS)

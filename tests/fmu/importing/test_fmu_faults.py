@@ -57,7 +57,7 @@ def test_bad_mapping_file(text, message, tmp_path):
 
 
 def test_missing_mapping_file(tmp_path):
-    with pytest.raises(InputError, match=r"none\.toml: No such file"):
+    with pytest.raises(InputError, match=r"none\.toml: cannot be read .No such file"):
         FmuPlant.from_file(build_fmu(), tmp_path / "none.toml")
 
 

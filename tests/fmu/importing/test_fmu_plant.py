@@ -8,6 +8,7 @@ import pytest
 from fmpy.fmi1 import FMICallException
 from support.fmus.fmu_files import CAR, START, changed, description, slalom
 
+from sidestep.fmu.description.variables import ACCELERATION_START
 from sidestep.fmu.importing.mapping import OUTPUTS, Mapping
 from sidestep.fmu.importing.plant import FmuPlant
 from sidestep.fmu.native.build import build_fmu
@@ -103,11 +104,11 @@ def test_command_that_is_not_finite_keeps_the_last_one(plant):
 
 def test_fmu_itself_ignores_an_input_that_is_not_a_number(plant):
     plant.reset(START)
-    plant._inputs.values[:] = [math.nan, 12.0]
+    plant._inputs.values[:] = [math.nan, 12.0, math.nan]
     plant._fmu.set(plant._inputs)  # a warning, no error
-    port = plant._fmu.port(["steer_angle_command", "target_speed"])
+    port = plant._fmu.port(["steer_angle_command", "target_speed", "acceleration"])
     plant._fmu.get(port)
-    assert list(port.values) == [START.steer_angle, 12.0]
+    assert list(port.values) == [START.steer_angle, 12.0, ACCELERATION_START]
 
 
 def test_renamed_and_scaled_variables(fmi, tmp_path):

@@ -27,7 +27,7 @@ def drive(kind, file):
     text = kind.mapping
     if text == PROPOSED:
         with unpacked(file) as fmu:
-            text = propose_mapping(fmu, file)
+            text = propose_mapping(fmu.about, file)
     build = partial(FmuPlant.from_file, file, Mapping.from_text(text) if text else None)
     with IsolatedPlant(build, 30.0) if kind.isolated else build() as plant:
         plant.reset(VehicleState(v_x=15.0))
@@ -107,5 +107,5 @@ def test_a_unit_of_another_dimension_is_not_proposed(tmp_path):
     )
     file = replace(Odd(), rows=rows, units=units).write(tmp_path / "odd.fmu")
     with unpacked(file) as fmu:
-        assert 'v_x = { variable = "v_x"' not in propose_mapping(fmu, file).partition("[start]")[0]
-        assert "odd, FMI 2.0" in describe(fmu)
+        assert 'v_x = { variable = "v_x"' not in propose_mapping(fmu.about, file).partition("[start]")[0]
+        assert "odd, FMI 2.0" in describe(fmu.about)

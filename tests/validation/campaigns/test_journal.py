@@ -75,7 +75,7 @@ def test_a_journal_belongs_to_one_specification_and_one_process(tmp_path):
     with open_journal(file, head), pytest.raises(InputError, match="another process"):
         run_campaign(spec, file, 1, work=fake)
     assert load_rows(file)[0] == spec
-    for text, message in (("", "is empty"), ("x\n", "no file of JSON lines"), ("3\n", "no objects"), ("{}\n", "camp")):
+    for text, message in (("", "is empty"), ("x\n", "line 1: is no JSON"), ("3\n", "no objects"), ("{}\n", "camp")):
         file.write_text(text)
         with pytest.raises(InputError, match=message):
             load_rows(file)

@@ -67,7 +67,7 @@ def test_a_comparison_is_a_page_test_cases_and_an_exit_status(folders, tmp_path,
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("", None, "b: holds no run: summary.json: No such file or directory; allowed: a folder that `sidestep run`"),
+        ("", None, "b/summary.json: cannot be read (No such file or directory); allowed: a folder that `sidestep run`"),
         ("summary.json", "{", "b/summary.json: is no JSON (Expecting"),
         ("summary.json", "[]", "b/summary.json: is not that of one run"),
         ("summary.json", '{"runs": []}', "b/summary.json: is not that of one run"),

@@ -12,7 +12,7 @@ from sidestep.validation.geometry import car_boxes, obstacle_boxes, signed_clear
 from sidestep.validation.scenarios.scenario import load_scenario
 from sidestep.validation.studies.optimum import JERK_BANDWIDTH, SCENES, Peaks, compare, low_passed, offline_optimum
 
-BENCHMARKS = Path(sidestep.validation.__file__).parents[1] / "benchmarks"
+BENCHMARKS = Path(sidestep.validation.__file__).parents[1] / "benchmarks" / "studies"
 
 
 @pytest.fixture(scope="module")

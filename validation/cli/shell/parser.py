@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from typing import Any, NoReturn
 
+from sidestep.validation.cli.last_resort import one_line
 from sidestep.validation.cli.shell.examples import EXAMPLES
 
 BAD_INPUT = 2
@@ -21,7 +22,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Leave with one line on stderr."""
-        self.exit(BAD_INPUT, f"sidestep: {message}{self._meant(message)} (see {self.prog} --help)\n")
+        self.exit(BAD_INPUT, f"sidestep: {one_line(message)}{self._meant(message)} (see {self.prog} --help)\n")
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:  # pyright: ignore[reportIncompatibleMethodOverride]
         """As argparse does, but what a command does not know is refused by that command, which knows what it does."""

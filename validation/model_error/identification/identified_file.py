@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 
+from sidestep.plant_models.documents import read_json
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.vehicle.parameters import GRAVITY, VehicleParameters
 from sidestep.validation.model_error.identification.car_kernel import SHAPE, Chassis, Values
@@ -62,8 +63,9 @@ def read_identified(path: Path) -> tuple[LogIdentification, Chassis, str]:
     Raises:
         InputError: No such file, or none that `identify --log` wrote.
     """
+    table = read_json(path, "a file of `sidestep identify --log`")
     try:
-        content = msgspec.json.decode(path.read_bytes(), type=IdentifiedFile)
+        content = msgspec.convert(table, IdentifiedFile)
         verdicts = tuple(
             Verdict(BY_NAME[name], p["value"], _number(p["low"]), _number(p["high"]), p["refused"])
             for name, p in content.parameters.items()
@@ -72,7 +74,7 @@ def read_identified(path: Path) -> tuple[LogIdentification, Chassis, str]:
             Values(**content.values), Values(**content.linear), verdicts, content.explained, content.left_out, "", ()
         )  # fmt: skip
         return found, Chassis(**content.chassis), content.log
-    except (OSError, msgspec.MsgspecError, TypeError, KeyError) as error:
+    except (msgspec.MsgspecError, TypeError, KeyError) as error:
         raise InputError("--identified", f"{str(path)!r}: {error}", "a file of `sidestep identify --log`") from error
 
 

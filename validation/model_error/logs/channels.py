@@ -1,16 +1,18 @@
 """Channels of a log file, whatever it is: tables (.csv, .parquet), MF4, or CAN frames with a database; .gz of any."""
 
 import csv
-import gzip
 import tempfile
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sidestep.plant_models.errors import InputError
+from sidestep.plant_models.unpacking import unpack_gz
 from sidestep.validation.model_error.logs.channel import Channel
 from sidestep.validation.model_error.logs.frames import read_frames
 from sidestep.validation.model_error.logs.mapping import LogMap
@@ -19,6 +21,7 @@ from sidestep.validation.model_error.logs.units import factor, split_unit
 Array = NDArray[np.float64]
 
 KINDS = ".csv, .txt, .tsv, .parquet, .mf4, .mdf; with `dbc` in the mapping .blf, .asc, .log, .csv; each with .gz"
+_LONGEST_HEAD = 1 << 16  # letters
 _TIMES = ("time", "t", "timestamp", "timestamps", "seconds", "sec")
 
 
@@ -31,14 +34,16 @@ def read_channels(path: Path, mapping: LogMap) -> tuple[dict[str, Channel], list
     with _unpacked(path) as (file, ending):
         if mapping.dbc is not None:
             return read_frames(file, path, mapping.dbc)
+        notes: list[str] = []
+        table = partial(_csv, notes)
         readers: dict[str, Callable[[Path, Path, LogMap], dict[str, Channel]]] = {
-            ".csv": _csv, ".txt": _csv, ".tsv": _csv, ".parquet": _parquet, ".mf4": _mdf, ".mdf": _mdf,
+            ".csv": table, ".txt": table, ".tsv": table, ".parquet": _parquet, ".mf4": _mdf, ".mdf": _mdf,
         }  # fmt: skip
         if ending in (".blf", ".asc", ".log"):
             raise InputError("dbc", f"missing in the mapping: {path.name} holds CAN frames", "the path of a database")
         if ending not in readers:
             raise InputError(str(path), f"unknown kind of log {ending!r}", KINDS)
-        return readers[ending](file, path, mapping), []
+        return readers[ending](file, path, mapping), notes
 
 
 @contextmanager
@@ -52,17 +57,14 @@ def _unpacked(path: Path) -> Iterator[tuple[Path, str]]:
     inner = Path(path.stem)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / inner.name
-        try:
-            file.write_bytes(gzip.decompress(path.read_bytes()))
-        except (OSError, EOFError, ValueError) as error:
-            raise InputError(str(path), f"cannot be unpacked ({error})", KINDS) from error
+        unpack_gz(path, file)
         yield file, inner.suffix.lower()
 
 
-def _csv(file: Path, shown: Path, mapping: LogMap) -> dict[str, Channel]:
+def _csv(notes: list[str], file: Path, shown: Path, mapping: LogMap) -> dict[str, Channel]:
     try:
         with file.open(encoding="utf-8-sig", newline="") as stream:
-            first = stream.readline()
+            first = stream.readline(_LONGEST_HEAD)
             try:
                 delimiter = csv.Sniffer().sniff(first, ",;\t").delimiter
             except csv.Error as error:
@@ -71,7 +73,11 @@ def _csv(file: Path, shown: Path, mapping: LogMap) -> dict[str, Channel]:
             lines: Iterator[str] = (
                 (line.replace(",", ".") for line in stream) if delimiter == ";" else iter(stream)
             )  # decimal commas
-            table = np.genfromtxt(lines, delimiter=delimiter, dtype=np.float64, invalid_raise=False, ndmin=2)
+            with warnings.catch_warnings(record=True) as said:
+                warnings.simplefilter("always")
+                table = np.genfromtxt(lines, delimiter=delimiter, dtype=np.float64, invalid_raise=False, ndmin=2)
+            if said:
+                notes.append(f"lines that have not {table.shape[1]} columns are left out")
     except (OSError, UnicodeDecodeError, ValueError) as error:
         raise InputError(str(shown), f"cannot be read as a table ({error})", KINDS) from error
     if table.shape[1] != len(heads) or len(table) < 2:

@@ -13,12 +13,12 @@ v_x = { name = ["wheel_rl", "wheel_rr"], unit = "km/h" }
 mass = 982.0
 """
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from sidestep.plant_models.documents import read_toml
 from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
 from sidestep.validation.scenarios.tables import checked, did_you_mean, file_at
@@ -101,10 +101,7 @@ def read_map(path: Path) -> LogMap:
     Raises:
         InputError: It cannot be read, or a key or value in it cannot be used.
     """
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(str(path), str(error)) from error
+    table = read_toml(path)
     try:
         values = checked(_File, table)
         return _built(values, path.parent)
@@ -131,6 +128,7 @@ def _built(values: dict[str, Any], folder: Path) -> LogMap:
 def _vehicle(table: dict[str, Any], folder: Path) -> tuple[VehicleParameters, tuple[str, ...]]:
     table = dict(table)
     preset, file = table.pop("preset", ""), table.pop("file", "")
+    checked(VehicleParameters, table, "vehicle", partial=True)
     missing = [name for name in NEEDED_OF_CAR if name not in table]
     if not preset and not file and missing:
         raise InputError("vehicle", f"missing {', '.join(missing)}", "mass, l_f and l_r, or preset or file")

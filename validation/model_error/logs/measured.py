@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 PERIOD = 0.01
 """Of the grid that every signal is brought to, whatever its own rate, in [s]."""
+LONGEST = 1e5
+"""Of a log, in [s]: a day and more."""
 HIGHEST = 5.0
 """Frequency up to which a car's lateral motion is compared, in [Hz]."""
 LARGEST_GAP = 0.3
@@ -87,6 +89,8 @@ def load_log(path: Path, mapping: LogMap) -> MeasuredLog:
     end = min(c.time[-1] for c in picked.values())
     if end - start < 10.0:
         raise InputError(str(path), f"its signals share {max(end - start, 0.0):.1f} s", "at least 10 s")
+    if end - start > LONGEST:
+        raise InputError(str(path), f"its signals share {end - start:g} s", f"up to {LONGEST:g} s")
     time = np.arange(start, end, PERIOD)
     signals, usable = {}, np.ones(len(time), dtype=bool)
     for name, channel in picked.items():

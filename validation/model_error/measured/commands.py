@@ -9,7 +9,7 @@ import numpy as np
 
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.console import new_table, show
-from sidestep.validation.files import check_file, made, write_text, written_file, written_to
+from sidestep.validation.files import check_file, companion, made, write_text, written_file, written_to
 from sidestep.validation.judge.summary import strict_json
 from sidestep.validation.manoeuvres.scene import open_loop_scenario
 from sidestep.validation.model_error.identification.car_kernel import Chassis
@@ -46,7 +46,7 @@ def identify_from_log(log_file: Path, map_file: Path | None, out: Path, command_
     """
     mapping = _map(map_file)
     log = load_log(log_file, mapping)
-    everything = out.with_suffix(".identified.json")
+    everything = companion(out, ".identified.json")
     with written_file(out, "--out"):
         out.parent.mkdir(parents=True, exist_ok=True)
     for file in (out, everything):

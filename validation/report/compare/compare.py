@@ -1,6 +1,5 @@
 """Runs beside each other: read back from their folders, overlaid, each pair rated after ISO/TS 18571."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, cycle
@@ -10,9 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
+from sidestep.plant_models.documents import read_json
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.console import row_name
-from sidestep.validation.loop.recording import SAMPLE_UNITS, Array, Recording, read_columns
+from sidestep.validation.loop.recording import SAMPLE_UNITS, Array, Recording, read_columns, require_times
 from sidestep.validation.report.compare.comparison import Line, compared_top_view
 from sidestep.validation.report.compare.golden import PERIOD, TIME_TOLERANCE, TOLERANCES, funnel
 from sidestep.validation.report.compare.rating import Rating, rate
@@ -69,16 +69,12 @@ def _read(folder: Path) -> StoredRun:
     samples = read_columns(folder / "recording.csv")
     if missing := [name for name in SAMPLE_UNITS if not len(samples.get(name, ()))]:
         raise InputError(str(folder / "recording.csv"), f"lacks {', '.join(missing)}", _A_RUN)
+    require_times(samples["time"], str(folder / "recording.csv"))
     return StoredRun(row_name(summary), scenario, summary, samples)
 
 
 def _summary(file: Path) -> dict[str, Any]:
-    try:
-        summary = json.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(str(file.parent), f"holds no run: {file.name}: {error.strerror}", _A_RUN) from error
-    except ValueError as error:
-        raise InputError(str(file), f"is no JSON ({error})", _A_RUN) from error
+    summary = read_json(file, _A_RUN)
     if not isinstance(summary, dict) or any(not isinstance(summary.get(key), kind) for key, kind in _KEYS.items()):
         raise InputError(str(file), "is not that of one run", _A_RUN)
     return summary

@@ -9,7 +9,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from sidestep.plant_models.errors import InputError
 from sidestep.validation.files import written_file
-from sidestep.validation.loop.recording import SAMPLE_UNITS, Array, read_columns, write_columns
+from sidestep.validation.loop.recording import SAMPLE_UNITS, Array, read_columns, require_times, write_columns
 
 TOLERANCES = {"l": 0.02, "yaw_rate": 0.01, "lateral_acceleration": 0.15, "steer_angle": 0.003}
 """Half height of the funnel about each signal, in [m], [rad/s], [m/s^2], [rad]."""
@@ -110,6 +110,7 @@ def read_golden(file: Path, scenario: str) -> dict[str, Array]:
         head = stream.readline().removeprefix("# ").rstrip("\n")
     if not head.startswith(_HEAD) or columns.keys() != {"time", *TOLERANCES} or not len(columns["time"]):
         raise InputError(str(file), "is no golden recording", "a CSV by `sidestep golden record`")
+    require_times(columns["time"], str(file))
     if (golden := head.removeprefix(_HEAD)) != scenario:
         raise InputError(str(file), f"is of the scenario {golden!r}, the run of {scenario!r}", "one of the same")
     return columns

@@ -15,6 +15,7 @@ from sidestep.validation.report.style import themed
 from sidestep.validation.report.topview import driven_extent
 from sidestep.validation.scenarios.scenario import Scenario
 
+FAR = 1e6
 MOST_FRAMES = 300
 """Moments that are kept at most: keeps a page of a long run small; the page draws what lies between them."""
 
@@ -49,8 +50,10 @@ def _times(recordings: Sequence[Recording]) -> Array:
 
 
 def _flat(points: Array) -> list[float]:
-    """x, y, x, y, ... in centimetres' precision, as an SVG path takes it."""
-    return np.round(np.asarray(points, dtype=float), 2).ravel().tolist()
+    """x, y, x, y, ... in centimetres' precision, as an SVG path takes it; a model that overflowed, far outside."""
+    return (
+        np.round(np.nan_to_num(np.asarray(points, dtype=float), nan=0.0, posinf=FAR, neginf=-FAR), 2).ravel().tolist()
+    )
 
 
 def _road(scenario: Scenario, recordings: Sequence[Recording]) -> dict[str, list[float]]:

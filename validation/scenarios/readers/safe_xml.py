@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Any, NoReturn
 from xml.parsers import expat
 
+from sidestep.plant_models.documents import file_bytes
 from sidestep.plant_models.errors import InputError
 
-MAX_BYTES, MAX_ELEMENTS, MAX_DEPTH = 64_000_000, 3_000_000, 100
+MAX_ELEMENTS, MAX_DEPTH = 3_000_000, 100
 
 
 def read_xml(file: Path) -> ET.Element:
@@ -16,13 +17,16 @@ def read_xml(file: Path) -> ET.Element:
     Raises:
         InputError: It cannot be read, is too large or too deep, is no XML, or declares a document type or entities.
     """
-    try:
-        if file.stat().st_size > MAX_BYTES:
-            raise InputError(str(file), f"{file.stat().st_size} bytes", f"up to {MAX_BYTES} bytes")
-        text = file.read_bytes()
-    except OSError as error:
-        raise InputError(str(file), f"cannot be read ({error.strerror})") from error
-    builder = _Builder(str(file))
+    return xml_root(file_bytes(file), str(file))
+
+
+def xml_root(text: bytes, label: str) -> ET.Element:
+    """The root element of XML, which errors call `label`.
+
+    Raises:
+        InputError: As `read_xml`.
+    """
+    builder = _Builder(label)
     parser = expat.ParserCreate()
     parser.buffer_text = True
     parser.StartDoctypeDeclHandler = builder.refused
@@ -35,7 +39,7 @@ def read_xml(file: Path) -> ET.Element:
     except (expat.ExpatError, LookupError, ValueError, AssertionError) as error:
         if isinstance(error, InputError):
             raise
-        raise InputError(str(file), f"is no XML ({error})") from error
+        raise InputError(label, f"is no XML ({error})") from error
 
 
 class _Builder:

@@ -33,7 +33,7 @@ def test_spec_from_a_file(tmp_path):
         ("only = 1", r"faults\.only: 1; allowed: a text"),
         ("start = 2.0\nend = 1.0", r"faults\.end: 1\.0 s; allowed: > start"),
         ('only = "STEER"', r"faults\.only: unknown message 'STEER'; allowed: STEER_CMD, "),
-        ("loss = ", r"faults\.toml: Invalid value"),
+        ("loss = ", r"faults\.toml: no readable TOML file \(Invalid value"),
     ],
 )
 def test_bad_specs(text, problem, tmp_path):

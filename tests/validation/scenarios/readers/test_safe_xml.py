@@ -1,7 +1,7 @@
 import pytest
 
+from sidestep.plant_models import documents
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.scenarios.readers import safe_xml
 from sidestep.validation.scenarios.readers.openscenario.expressions import resolved
 from sidestep.validation.scenarios.readers.safe_xml import number, read_xml
 
@@ -36,7 +36,7 @@ def test_what_is_dangerous_or_broken_is_refused(tmp_path, text, problem):
 
 
 def test_what_is_too_large_is_not_even_opened(tmp_path, monkeypatch):
-    monkeypatch.setattr(safe_xml, "MAX_BYTES", 10)
+    monkeypatch.setattr(documents, "MAX_BYTES", 10)
     (tmp_path / "a.xml").write_text("<aaaaaaaaaaaaa/>")
     with pytest.raises(InputError, match="up to 10 bytes"):
         read_xml(tmp_path / "a.xml")

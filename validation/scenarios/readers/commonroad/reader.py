@@ -161,7 +161,7 @@ def _goal_lanes(state: ET.Element, lanes: Map) -> set[int]:
     position = state.find("position")
     if position is None:
         return set()
-    named = {int(ref.get("ref", "-1")) for ref in position.findall("lanelet")} & set(lanes)
+    named = {int(number(ref.get("ref"), "goal: lanelet")) for ref in position.findall("lanelet")} & set(lanes)
     if named:
         return named
     outlines = [box_of(shape, "goal").outline for shape in position if shape.tag in ("rectangle", "circle", "polygon")]
@@ -191,6 +191,8 @@ def _goal(
         outlines = [box_of(shape, "goal").outline for shape in shapes] or outlines
         if shapes:
             result.note("the goal's outline is taken as its bounding box along the road")
+        if not outlines:
+            raise InputError("goal: position", "names no lanelet of the file and no shape", "one of them")
         corners = shapely.points(np.vstack([shapely.get_coordinates(outline) for outline in outlines]))
         along = shapely.line_locate_point(line, corners)
         goal["s"] = [round(float(along.min()), 3), round(float(along.max()), 3)]

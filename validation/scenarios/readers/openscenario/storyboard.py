@@ -33,6 +33,8 @@ class _Condition:
     def __init__(self, element: ET.Element) -> None:
         self._element, self._edge = element, element.get("conditionEdge", "none")
         self._delay = round(number(element.get("delay") or "0", "Condition delay") / STEP)
+        if self._delay < 0:
+            raise InputError("Condition delay", f"{element.get('delay')}", ">= 0 s")
         self._seen: list[bool] = []
 
     def fires(self, scene: Scene) -> bool:
