@@ -16,7 +16,7 @@ import fmpy
 from sidestep.plant_models.errors import PlantError
 
 # no fused multiply-add and no -march=native: the same bits on every machine
-_FLAGS = ("-std=c99", "-O2", "-shared", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno")
+_FLAGS = ("-std=c99", "-O2", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno")
 _ZIG = (sys.executable, "-m", "ziglang", "cc")
 _WAYS_OUT = "install gcc or clang (or set CC), `pip install sidestep[cross]`, or take --plant linear or mujoco"
 
@@ -93,11 +93,39 @@ def compile_library(
 ) -> None:
     """Compile every C file of a folder, or those that are named, into one shared library, with further compiler flags.
 
+    Object code in the folder, or among the files, is linked in.
+
     Raises:
         CompilerError: No compiler, or it failed: the first lines of what it said.
     """
-    names = sorted(str(file) for file in files or sources.glob("*.c"))
-    command = [*compiler_call(platform), *flags, f"-I{sources}", *names, "-o", str(output), "-lm"]
+    names = sorted(str(file) for file in files or [*sources.glob("*.c"), *sources.glob("*.o")])
+    _run([*compiler_call(platform), "-shared", *flags, f"-I{sources}", *names, "-o", str(output), "-lm"])
+
+
+def archive_library(
+    sources: Path, output: Path, platform: Platform, files: Sequence[Path], objects: Sequence[Path]
+) -> None:
+    """Compile C files into a static library, together with object code that is there.
+
+    Args:
+        sources: Folder of the headers.
+        output: The library.
+        platform: What to compile for.
+        files, objects: C files, and object code for the same platform.
+
+    Raises:
+        CompilerError: No compiler or archiver, or one failed.
+    """
+    compiled = [output.parent / f"{file.stem}.o" for file in files]
+    for file, made in zip(files, compiled, strict=True):
+        _run([*compiler_call(platform), f"-I{sources}", "-c", str(file), "-o", str(made)])
+    own = not platform.target and shutil.which("ar")
+    _run([*(["ar"] if own else [*_ZIG[:-1], "ar"]), "rcs", str(output), *map(str, (*compiled, *objects))])
+    for made in compiled:
+        made.unlink()
+
+
+def _run(command: list[str]) -> None:
     result = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
     if result.returncode != 0:
         said = "; ".join(result.stderr.strip().splitlines()[:4]) or f"exit status {result.returncode}"

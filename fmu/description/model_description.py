@@ -1,6 +1,7 @@
 """modelDescription.xml for FMI 2.0 and FMI 3.0, build description and variable table of an FMU that we make."""
 
 import html
+from collections.abc import Sequence
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -43,9 +44,11 @@ def build_description(model: Model, sources: list[str]) -> bytes:
 def variable_rows(model: Model) -> str:
     """The variables as rows of an HTML table: name, causality, unit, start, description."""
     cells = (
-        (row.name, ATTRIBUTES[row.kind][0], row.unit, "" if row.start is None else f"{row.start:g}", row.description)
-        for row in model.variables
-    )
+        (f"{row.array}, {span} elements" if row.array else row.name, ATTRIBUTES[row.kind][0], row.unit,
+         "" if row.start is None or row.array else f"{row.start:g}", row.description)
+        for row, span in zip(model.variables, model.spans, strict=True)
+        if span
+    )  # fmt: skip
     return "\n".join("<tr>" + "".join(f"<td>{html.escape(c)}</td>" for c in row) + "</tr>" for row in cells)
 
 
@@ -55,14 +58,15 @@ def _fmi2(model: Model, token: str, sources: list[str]) -> Element:
         generationTool=TOOL, variableNamingConvention="structured", numberOfEventIndicators="0",
     )  # fmt: skip
     interface = SubElement(
-        root, "CoSimulation", _tool(model), modelIdentifier=model.identifier,
+        root, "CoSimulation", modelIdentifier=model.identifier,
         canHandleVariableCommunicationStepSize="true",
         canNotUseMemoryManagementFunctions="true", canGetAndSetFMUstate="true", canSerializeFMUstate="true",
         providesDirectionalDerivative=_differentiable(model),
     )  # fmt: skip
-    files = SubElement(interface, "SourceFiles")
-    for name in sources:
-        SubElement(files, "File", name=name)
+    if sources:
+        files = SubElement(interface, "SourceFiles")
+        for name in sources:
+            SubElement(files, "File", name=name)
     _common(root, model)
     variables = SubElement(root, "ModelVariables")
     for reference, row in enumerate(model.variables):
@@ -85,27 +89,31 @@ def _fmi3(model: Model, token: str) -> Element:
         description=model.description, generationTool=TOOL, variableNamingConvention="structured",
     )  # fmt: skip
     SubElement(
-        root, "CoSimulation", _tool(model), modelIdentifier=model.identifier,
+        root, "CoSimulation", modelIdentifier=model.identifier,
         canHandleVariableCommunicationStepSize="true",
         canGetAndSetFMUState="true", canSerializeFMUState="true",
         providesDirectionalDerivatives=_differentiable(model),
     )  # fmt: skip
     _common(root, model)
     variables = SubElement(root, "ModelVariables")
-    for reference, row in enumerate(model.variables):
+    for reference, (row, span) in enumerate(zip(model.variables, model.spans, strict=True)):
+        if not span:
+            continue
         of_state = {"derivative": str(_state_of(model, reference))} if row.kind == "derivative" else {}
-        SubElement(variables, "Float64", _attributes(row, reference) | _value(row) | of_state)
+        values = _values(model.variables[reference : reference + span])
+        variable = SubElement(variables, "Float64", _attributes(row, reference) | values | of_state)
+        if row.array:
+            variable.set("name", row.array)
+            SubElement(variable, "Dimension", start=str(span))
     structure = SubElement(root, "ModelStructure")
     names = {"Outputs": "Output", "Derivatives": "ContinuousStateDerivative", "InitialUnknowns": "InitialUnknown"}
     for name, references in _structure(model).items():
         for reference in references:
+            if not model.spans[reference]:
+                continue
             depends = {} if name == "InitialUnknowns" else _dependencies(model, reference, first=0)
             SubElement(structure, names[name], {"valueReference": str(reference)} | depends)
     return root
-
-
-def _tool(model: Model) -> dict[str, str]:
-    return {"needsExecutionTool": "true"} if model.needs_tool else {}
 
 
 def _differentiable(model: Model) -> str:
@@ -133,8 +141,14 @@ def _attributes(row: Variable, reference: int) -> dict[str, str]:
 
 
 def _value(row: Variable) -> dict[str, str]:
-    values = {"unit": row.unit, "start": row.start, "min": row.minimum}
+    values = {"unit": row.unit, "start": row.start, "min": row.minimum, "max": row.maximum}
     return {name: str(value) for name, value in values.items() if value not in (None, "")}
+
+
+def _values(rows: Sequence[Variable]) -> dict[str, str]:
+    """Of an array, whose starts are a list; of a scalar as it is."""
+    starts = [str(row.start) for row in rows if row.start is not None]
+    return _value(rows[0]) | ({"start": " ".join(starts)} if starts else {})
 
 
 def _state_of(model: Model, derivative: int) -> int:

@@ -4,12 +4,17 @@ A variable's value reference is its place in the table, assigned nowhere else. T
 values in one flat array in that order, so that a value reference also is an array index.
 """
 
+import re
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 from sidestep.plant_models.vehicle.parameters import GRAVITY
 
-Kind = Literal["time", "input", "state", "hidden state", "derivative", "output", "sampled", "tunable", "fixed"]
+Kind = Literal[
+    "time", "input", "state", "hidden state", "derivative", "output", "sampled", "tunable", "fixed", "constant"
+]
 
 ATTRIBUTES: dict[Kind, tuple[str, str, str | None]] = {
     "time": ("independent", "continuous", None),
@@ -21,6 +26,7 @@ ATTRIBUTES: dict[Kind, tuple[str, str, str | None]] = {
     "sampled": ("output", "discrete", "calculated"),
     "tunable": ("parameter", "tunable", "exact"),
     "fixed": ("parameter", "fixed", "exact"),
+    "constant": ("local", "constant", "exact"),
 }
 """FMI causality, variability and initial of each kind."""
 
@@ -49,7 +55,9 @@ class Variable:
         unit: A key of `UNITS`; empty for dimensionless.
         description: One line.
         start: Value before anything is set; None where it is calculated.
-        minimum: Smallest value that may be set; None for no bound.
+        minimum, maximum: Smallest and largest value that may be set; None for no bound.
+        array: Name of the array that it is an element of, whose rows stand one after the other; FMI 3.0 knows that
+            array alone, under the value reference of its first element. Empty for a scalar.
     """
 
     name: str
@@ -58,11 +66,22 @@ class Variable:
     description: str
     start: float | None = None
     minimum: float | None = None
+    maximum: float | None = None
+    array: str = ""
 
     @property
     def constant(self) -> str:
         """Name of the value reference in C."""
-        return self.name.upper().replace(".", "_").replace("(", "_").replace(")", "")
+        return re.sub(r"\W+", "_", self.name.upper().replace(")", ""))
+
+
+def elements(array: str, kind: Kind, unit: str, description: str, starts: Sequence[float | None]) -> list[Variable]:
+    """The rows of an array: element i of `path.s` is `path[i].s`, from 1 on."""
+    owner, _, field = array.rpartition(".")
+    return [
+        Variable(f"{owner}[{i}].{field}", kind, unit, description, start, array=array)
+        for i, start in enumerate(starts, 1)
+    ]
 
 
 @dataclass(frozen=True)
@@ -76,6 +95,8 @@ class Model:
             derivatives together in the same order.
         c_files: The C files of its own, beside those that every FMU has.
         identifier: FMI model identifier: name of the binary and of the documentation page.
+        takes_nan: Whether an input may be NaN, for "not measured".
+        c_lines: Further lines of its C header.
     """
 
     name: str
@@ -83,11 +104,18 @@ class Model:
     variables: tuple[Variable, ...]
     c_files: tuple[str, ...]
     identifier: str
+    takes_nan: bool = False
+    c_lines: str = ""
 
     @property
-    def needs_tool(self) -> bool:
-        """Whether it runs in a process of another program."""
-        return "process.c" in self.c_files
+    def spans(self) -> list[int]:
+        """Elements of the array that begins at each row: 1 of a scalar, 0 within an array."""
+        sizes = Counter(row.array for row in self.variables)
+        before = ("", *(row.array for row in self.variables))
+        return [
+            1 if not row.array else 0 if row.array == previous else sizes[row.array]
+            for row, previous in zip(self.variables, before, strict=False)
+        ]
 
     def with_start(self, values: dict[str, float]) -> "Model":
         """The same with other start values, by name, of those variables that it has."""
@@ -121,18 +149,19 @@ UNITS: dict[str, dict[str, int]] = {
 def c_header(model: Model, token: str) -> str:
     """variables.h: value references, and the rows as initialisers of `Variable` in instance.h."""
     references = "".join(f"    {row.constant},\n" for row in model.variables)
-    rows = "".join(f"    {_c_row(row)}, \\\n" for row in model.variables)
+    rows = "".join(f"    {_c_row(row, span)}, \\\n" for row, span in zip(model.variables, model.spans, strict=True))
     states = model.of_kind("state", "hidden state")
     return (
         "/* Generated from the variable table: do not edit. */\n#pragma once\n"
         f'#define MODEL_TOKEN "{token}"\n#define GRAVITY {GRAVITY!r}\n#define NO_ACCELERATION {NO_ACCELERATION!r}\n'
         f"enum {{\n{references}    N_VARIABLES,\n"
         f"    FIRST_STATE = {states[0][0] if states else 0},\n    N_STATES = {len(states)}\n}};\n"
-        f"#define VARIABLE_ROWS {{ \\\n{rows}}}\n"
+        f"#define TAKES_NAN {int(model.takes_nan)}\n#define VARIABLE_ROWS {{ \\\n{rows}}}\n{model.c_lines}"
     )
 
 
-def _c_row(row: Variable) -> str:
+def _c_row(row: Variable, span: int) -> str:
     kind = row.kind.upper().replace(" ", "_")
     minimum = "-HUGE_VAL" if row.minimum is None else repr(row.minimum)
-    return f'{{"{row.name}", {kind}_KIND, {row.start or 0.0!r}, {minimum}}}'
+    maximum = "HUGE_VAL" if row.maximum is None else repr(row.maximum)
+    return f'{{"{row.name}", {kind}_KIND, {row.start or 0.0!r}, {minimum}, {maximum}, {span}}}'

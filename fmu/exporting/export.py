@@ -1,21 +1,21 @@
-"""The controller of a scenario as an FMU that any importer loads: a C shim and a Python process behind it."""
+"""The controller of a scenario as an FMU that needs nothing but its host, and plants that start where it does."""
 
-import json
-import sys
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
 from sidestep.controller import ControllerConfig
+from sidestep.controller.settings import settings_of
+from sidestep.fmu.compiling.platforms import HOST, Platform
+from sidestep.fmu.component.build import component_files, revision
+from sidestep.fmu.component.records import setup_of
 from sidestep.fmu.description.plants import find_model, model_values
-from sidestep.fmu.exporting.controller_variables import NAMES, controller_model
+from sidestep.fmu.exporting.controller_variables import controller_model
 from sidestep.fmu.native.build import build_model
 from sidestep.plant_models.obstacle import Obstacle
 from sidestep.plant_models.road.reference_path import ReferencePath
 from sidestep.plant_models.signals import VehicleState
 from sidestep.plant_models.vehicle.parameters import VehicleParameters
-
-_SERVER = Path(__file__).parent / "resources" / "server.py"
 
 
 def export_controller(
@@ -26,44 +26,32 @@ def export_controller(
     config: ControllerConfig,
     start: VehicleState,
     fmi: int = 3,
+    platforms: Sequence[Platform] = (HOST,),
 ) -> Path:
-    """Build the FMU; vehicle, road and obstacles are files in it, the settings its parameters.
+    """Build the FMU; car and road are a file in it, the settings its parameters, state and obstacles its inputs.
 
     Args:
         name: Of the scenario.
-        vehicle, path, obstacles, config: As `SteeringController` takes them.
-        start: Start values of the inputs.
+        vehicle, path, config: As `SteeringController` takes them; the solver is the active set in any case.
+        obstacles: Start values of those inputs.
+        start: Start values of the car's state.
         fmi: 2 or 3.
+        platforms: What to compile for, this machine among it.
 
     Returns:
-        Path of the .fmu file in the cache. The interpreter that runs this is the one it starts, unless the
-        environment variable SIDESTEP_PYTHON names another one.
+        Path of the .fmu file in the cache.
 
     Raises:
-        InputError: Unknown FMI version, or the cache cannot be written.
-        CompilerError: There is no C compiler, or it failed.
+        InputError: Unknown FMI version, settings whose solver is not compiled, or the cache cannot be written.
+        PlantError: There is no C compiler, it failed, or the step does not compile.
     """
     if config.cruise_speed is None:
         config = replace(config, cruise_speed=start.v_x)
-    model = controller_model(name, asdict(start), config)
-    description = {
-        "variables": NAMES,
-        "vehicle": asdict(vehicle),
-        "road": {
-            "table": path.table.tolist(),
-            "closed": path.closed,
-            "widths": path.edges.table.tolist(),
-            "spacing": path.edges.spacing,
-        },
-        "obstacles": [obstacle.to_plain() for obstacle in obstacles],
-        "controller": asdict(config),
-    }
-    resources = {
-        "controller.json": json.dumps(description, indent=1).encode(),
-        "server.py": _SERVER.read_bytes(),
-        "python.txt": f"{sys.executable}\n".encode(),
-    }
-    return build_model(model, fmi, resources)
+    setup = setup_of(vehicle, path, config)
+    grid = settings_of(vehicle, config)["grid"][0]
+    times = grid["times"][: grid["nodes"]].tolist()
+    model = controller_model(name, asdict(start), config, obstacles, times, revision())
+    return build_model(model, fmi, {"controller.setup": setup}, platforms, component_files)
 
 
 def start_plant(

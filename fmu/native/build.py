@@ -5,7 +5,7 @@ import io
 import string
 import uuid
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import fmpy
@@ -61,8 +61,9 @@ def build_fmu(
 
 
 def build_model(
-    model: Model, fmi: int, resources: dict[str, bytes] | None = None, platforms: Sequence[Platform] = (HOST,)
-) -> Path:
+    model: Model, fmi: int, resources: dict[str, bytes] | None = None, platforms: Sequence[Platform] = (HOST,),
+    further: Callable[[Platform], dict[str, bytes]] | None = None,
+) -> Path:  # fmt: skip
     """The FMU of a variable table and its C files, from the cache if it is there.
 
     Args:
@@ -70,6 +71,8 @@ def build_model(
         fmi: 2 or 3.
         resources: Files in resources/, by name.
         platforms: What to compile for, this machine among it.
+        further: Files by name that are compiled and linked with the model's own for a platform, object code among
+            them; the FMU then comes without sources, which would not be all.
 
     Raises:
         InputError: Unknown FMI version, or the cache cannot be written.
@@ -78,15 +81,17 @@ def build_model(
     if fmi not in (2, 3):
         raise InputError("fmi", f"{fmi}", "2, 3")
     recipes = [_recipe(platform) for platform in platforms]
-    contents = _contents(model, fmi) | {f"resources/{name}": data for name, data in (resources or {}).items()}
-    key = _digest(contents | {"recipes": repr(recipes).encode()})
+    contents = _contents(model, fmi, with_sources=further is None) | {
+        f"resources/{name}": data for name, data in (resources or {}).items()
+    }
+    key = _digest(contents | source_files(model) | {"recipes": repr(recipes).encode()})
 
     def pack() -> bytes:
         for platform, recipe in zip(platforms, recipes, strict=True):
-            library = _library(model, platform, _digest(source_files(model) | {"recipe": recipe.encode()}))
+            library = _library(model, platform, recipe, further(platform) if further else {})
             folder = platform.fmi2 if fmi == 2 else platform.fmi3
             contents[f"binaries/{folder}/{model.identifier}{platform.suffix}"] = library.read_bytes()
-        if not model.needs_tool:
+        if model.of_kind("state"):
             contents["documentation/expected_output.csv"] = _expected_output(model, contents)
         return _archive(contents)
 
@@ -142,9 +147,9 @@ def _c_files(files: dict[str, bytes]) -> list[str]:
     return sorted(name for name in files if name.endswith(".c"))
 
 
-def _contents(model: Model, fmi: int) -> dict[str, bytes]:
+def _contents(model: Model, fmi: int, with_sources: bool) -> dict[str, bytes]:
     """All files of the FMU but binaries and what they answer, by path in the archive."""
-    sources = source_files(model)
+    sources = source_files(model) if with_sources else {}
     files = {"modelDescription.xml": model_description(model, fmi, _token(model), _c_files(sources))}
     files |= {f"sources/{name}": data for name, data in sources.items()}
     files["documentation/index.html"] = _documentation(model).encode()
@@ -173,13 +178,14 @@ def _archive(files: dict[str, bytes]) -> bytes:
     return buffer.getvalue()
 
 
-def _library(model: Model, platform: Platform, key: str) -> Path:
+def _library(model: Model, platform: Platform, recipe: str, further: dict[str, bytes]) -> Path:
     """The compiled binary, one for both standards."""
+    files = source_files(model) | further
 
     def build() -> bytes:
         folder = scratch_folder("build", cache_folder())
         try:
-            for name, data in source_files(model).items():
+            for name, data in files.items():
                 (folder / name).write_bytes(data)
             output = folder / "output" / f"{model.identifier}{platform.suffix}"
             output.parent.mkdir()
@@ -188,6 +194,7 @@ def _library(model: Model, platform: Platform, key: str) -> Path:
         finally:
             discard(folder)
 
+    key = _digest(files | {"recipe": recipe.encode()})
     return cached(f"{model.identifier}-{key}", platform.suffix, build)
 
 

@@ -30,6 +30,10 @@ def _add_export(commands: argparse._SubParsersAction) -> None:
     export = commands.add_parser("export", help="make an FMU of the controller of a scenario")
     export.add_argument("scenario", metavar="SCENARIO", help="a name that `sidestep scenarios` lists, or a TOML file")
     export.add_argument("--fmi", type=int, choices=(2, 3), help="default: 3")
+    export.add_argument(
+        "--platform", choices=("here", "all"), default="here",
+        help="all: binaries for Linux and macOS on x86-64 and ARM and for Windows in one FMU, by ziglang",
+    )  # fmt: skip
     export.add_argument("--out", type=Path, metavar="FILE", help="default: SCENARIO-controller.fmu, or SCENARIO.ssp")
     export.add_argument(
         "--ssp", action="store_true",
@@ -71,6 +75,7 @@ def _build(options: argparse.Namespace) -> int:
 
 
 def _export(options: argparse.Namespace) -> int:
+    from sidestep.fmu.compiling.platforms import HOST, all_platforms
     from sidestep.fmu.description.plants import MODELS
     from sidestep.fmu.exporting.export import export_controller, start_plant
     from sidestep.fmu.exporting.ssp import write_ssp
@@ -82,6 +87,8 @@ def _export(options: argparse.Namespace) -> int:
     check_file(options.out, "--out")
     scene = load_scenario(options.scenario, options.overrides)
     if options.ssp:
+        if options.platform == "all":
+            raise InputError("--platform", "all: the system's plant is built for this machine", "here")
         if options.fmi == 3:
             raise InputError("--fmi", "3: a system is of FMI 2.0, which every master opens", "2")
         if scene.plant != PlantSettings(scene.plant.kind, scene.plant.friction):
@@ -90,8 +97,9 @@ def _export(options: argparse.Namespace) -> int:
         raise InputError("--set plant", "makes no difference to the controller", "with --ssp")
     fmi = 2 if options.ssp else options.fmi or 3
     controller = export_controller(
-        scene.name, scene.vehicle, scene.path, scene.obstacles, scene.controller, scene.start, fmi
-    )
+        scene.name, scene.vehicle, scene.path, scene.obstacles, scene.controller, scene.start, fmi,
+        all_platforms() if options.platform == "all" else (HOST,),
+    )  # fmt: skip
     if options.ssp:
         out = options.out or Path(f"{scene.name}.ssp")
         kind = scene.plant.kind if scene.plant.kind in MODELS else "single-track"

@@ -20,6 +20,7 @@ from sidestep.validation.cli.bus_maps import add_bus_map, described, split_maps
 from sidestep.validation.cli.campaign import add_campaign
 from sidestep.validation.cli.can import add_can
 from sidestep.validation.cli.compare import add_compare, add_golden
+from sidestep.validation.cli.export import add_export
 from sidestep.validation.cli.fmu import add_fmu
 from sidestep.validation.cli.last_resort import one_line, unforeseen
 from sidestep.validation.cli.limits import add_limits
@@ -91,7 +92,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=version("sidestep"))
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     own = (_add_demo, _add_run, add_scenarios, add_import, add_vehicles, add_validate, add_campaign, _add_bench)
-    for add in (*own, add_compare, add_golden, add_limits, add_fmu, add_can):
+    for add in (*own, add_compare, add_golden, add_limits, add_fmu, add_export, add_can):
         add(commands)
     add_completion(commands, parser)
     return parser

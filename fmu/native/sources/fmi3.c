@@ -67,13 +67,11 @@ fmi3Status fmi3Reset(fmi3Instance c) {
 }
 
 fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, fmi3Float64 values[], size_t size) {
-    if (size != n) return (fmi3Status)report(c, ERROR, "every variable is a scalar: one value each");
-    return (fmi3Status)get_values(c, vr, n, values);
+    return (fmi3Status)get_arrays(c, vr, n, values, size);
 }
 fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t n, const fmi3Float64 values[],
                           size_t size) {
-    if (size != n) return (fmi3Status)report(c, ERROR, "every variable is a scalar: one value each");
-    return (fmi3Status)set_values(c, vr, n, values);
+    return (fmi3Status)set_arrays(c, vr, n, values, size);
 }
 
 #define REFUSED_TYPE(Type) \

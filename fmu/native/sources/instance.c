@@ -93,15 +93,18 @@ Status get_values(Instance *instance, const uint32_t references[], size_t n, dou
 static Status check_value(const Instance *instance, uint32_t reference, double value) {
     const Variable *variable = &VARIABLES[reference];
     Mode mode = (Mode)instance->data.mode;
-    if (variable->kind < INPUT_KIND || (variable->kind > INPUT_KIND && variable->kind < TUNABLE_KIND))
+    if (variable->kind != INPUT_KIND && variable->kind != TUNABLE_KIND && variable->kind != FIXED_KIND)
         return report(instance, ERROR, "%s is not an input or a parameter", variable->name);
     if (mode == TERMINATED || (variable->kind == FIXED_KIND && mode > INITIALISING))
         return report(instance, ERROR, "%s must not be set %s", variable->name, MODES[mode]);
+    if (isnan(value) && variable->kind == INPUT_KIND && TAKES_NAN) return OK; /* not measured */
     if (!isfinite(value) && variable->kind == INPUT_KIND)
         return report(instance, WARNING, "%s is not a finite number: the former value is kept", variable->name);
     if (!isfinite(value)) return report(instance, ERROR, "%s must be a finite number", variable->name);
     if (value < variable->minimum)
         return report(instance, ERROR, "%s must be at least %g, not %g", variable->name, variable->minimum, value);
+    if (value > variable->maximum)
+        return report(instance, ERROR, "%s must be at most %g, not %g", variable->name, variable->maximum, value);
     return OK;
 }
 
@@ -113,6 +116,38 @@ Status set_values(Instance *instance, const uint32_t references[], size_t n, con
         if (status > worst) worst = status;
     }
     instance->data.stale = 1;
+    return worst;
+}
+
+static Status check_spans(const Instance *instance, const uint32_t references[], size_t n, size_t size) {
+    if (check_references(instance, references, n)) return ERROR;
+    for (size_t i = 0; i < n; i++) {
+        size_t span = VARIABLES[references[i]].span;
+        if (!span || span > size) return report(instance, ERROR, "a number of values that is not that of the variables");
+        size -= span;
+    }
+    return size ? report(instance, ERROR, "more values than the variables have") : OK;
+}
+
+Status get_arrays(Instance *instance, const uint32_t references[], size_t n, double values[], size_t size) {
+    Status worst = check_spans(instance, references, n, size);
+    for (size_t i = 0; i < n && worst < ERROR; i++)
+        for (uint32_t k = 0; k < VARIABLES[references[i]].span; k++) {
+            uint32_t reference = references[i] + k;
+            Status status = get_values(instance, &reference, 1, values++);
+            if (status > worst) worst = status;
+        }
+    return worst;
+}
+
+Status set_arrays(Instance *instance, const uint32_t references[], size_t n, const double values[], size_t size) {
+    Status worst = check_spans(instance, references, n, size);
+    for (size_t i = 0; i < n && worst < ERROR; i++)
+        for (uint32_t k = 0; k < VARIABLES[references[i]].span && worst < ERROR; k++) {
+            uint32_t reference = references[i] + k;
+            Status status = set_values(instance, &reference, 1, values++);
+            if (status > worst) worst = status;
+        }
     return worst;
 }
 

@@ -12,14 +12,15 @@ typedef enum { OK, WARNING, DISCARD, ERROR, FATAL } Status;
 typedef enum { INSTANTIATED, INITIALISING, STEPPING, TERMINATED } Mode;
 typedef enum {
     TIME_KIND, INPUT_KIND, STATE_KIND, HIDDEN_STATE_KIND, DERIVATIVE_KIND, OUTPUT_KIND, SAMPLED_KIND, TUNABLE_KIND,
-    FIXED_KIND
+    FIXED_KIND, CONSTANT_KIND
 } Kind;
 
 typedef struct {
     const char *name;
     Kind kind;
     double start;
-    double minimum;
+    double minimum, maximum;
+    uint32_t span; /* elements of the array that begins here, 1 of a scalar, 0 within an array */
 } Variable;
 
 extern const Variable VARIABLES[N_VARIABLES];
@@ -64,6 +65,10 @@ Status start_time(Instance *instance, double time);
 
 Status get_values(Instance *instance, const uint32_t references[], size_t n, double values[]);
 Status set_values(Instance *instance, const uint32_t references[], size_t n, const double values[]);
+
+/* The same where a reference stands for a whole array, as in FMI 3.0; `size` counts the values. */
+Status get_arrays(Instance *instance, const uint32_t references[], size_t n, double values[], size_t size);
+Status set_arrays(Instance *instance, const uint32_t references[], size_t n, const double values[], size_t size);
 Status do_step(Instance *instance, double time, double duration);
 
 Status save_state(Instance *instance, void **state);
@@ -74,7 +79,7 @@ Status deserialise(const Instance *instance, const void *bytes, size_t size, voi
 Status check_references(const Instance *instance, const uint32_t references[], size_t n);
 size_t state_size(const void *state);
 
-/* The rest is by the engine: plant.c, or process.c for the controller. */
+/* The rest is by the engine: plant.c, or controller_fmu.c for the controller. */
 
 Status engine_open(Instance *instance, const char *resources);
 void engine_close(Instance *instance);

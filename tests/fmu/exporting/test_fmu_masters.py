@@ -22,7 +22,7 @@ from sidestep.plant_models.errors import InputError
 from sidestep.plant_models.signals import SteeringCommand, VehicleState
 from sidestep.validation.scenarios.scenario import load_scenario
 
-SCENE = load_scenario("single-obstacle", ["controller.input_delay_steps=1"])
+SCENE = load_scenario("single-obstacle", ["controller.input_delay_steps=1", "controller.solver=active-set"])
 NAMES = [name for name, *_ in STATE]
 COMMANDS = ("steer_angle_command", "target_speed", "acceleration")
 STEPS, PERIOD = 80, SCENE.controller.period
@@ -106,7 +106,7 @@ open({str(tmp_path / "rows.json")!r}, "w").write(json.dumps(rows))
 def test_fmpy_opens_the_system_file(tmp_path):
     file = write_ssp(tmp_path / "drive.ssp", "drive", *pair(2), duration=8.0, period=PERIOD)
     result = simulate_ssp(str(file), stop_time=(STEPS - 0.5) * PERIOD, step_size=PERIOD)
-    zeros = SteeringCommand(0.0, 0.0, 0.0), VehicleState()  # what this master hands over in its first step
+    zeros = SteeringCommand(0.0, 0.0, 0.0, acceleration=0.0), VehicleState()  # handed over in its first step
     np.testing.assert_allclose(result["plant.y"], our_loop(True, *zeros)[1:], rtol=0, atol=1e-9)
 
 
