@@ -29,6 +29,7 @@ from sidestep.fmu.importing.instance import FmuInstance
 from sidestep.fmu.scratch import discard, scratch_folder
 from sidestep.plant_models.linear.plant import LinearPlant
 from sidestep.plant_models.signals import VehicleState
+from sidestep.validation.loop.closed_loop import bare_controller
 from sidestep.validation.scenarios.scenario import Scenario, load_scenario
 
 PASSES, DT, MANY, AGAIN = 15, 0.02, 1000, 10_000
@@ -61,7 +62,7 @@ def report(name: str, scene: Scenario, library: ctypes.CDLL) -> None:
 
 def step_times(scene: Scenario, library: ctypes.CDLL) -> list[list[float]]:
     """Of every step in each of `WAYS`, in [us]."""
-    controller = SteeringController(scene.vehicle, scene.path, scene.obstacles, scene.controller)
+    controller = bare_controller(scene)
     states = drive(scene, controller)
     component, answer = created(library, scene), np.zeros(1, COMMAND)
     boxes, rows = obstacle_rows(scene.obstacles), np.array([astuple(state) for state in states])

@@ -13,7 +13,7 @@ sys.path.insert(0, str(HERE))
 from formats import FORMATS  # noqa: E402
 from fuzz import case, fuzz  # noqa: E402
 
-COUNT, SEED = 40, 2026
+COUNT, SEED = 60, 2026
 
 
 @pytest.mark.parametrize("name", FORMATS)

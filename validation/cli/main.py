@@ -22,10 +22,10 @@ from sidestep.validation.cli.can import add_can
 from sidestep.validation.cli.compare import add_compare, add_golden
 from sidestep.validation.cli.export import add_export
 from sidestep.validation.cli.fmu import add_fmu
-from sidestep.validation.cli.last_resort import one_line, unforeseen
 from sidestep.validation.cli.limits import add_limits
 from sidestep.validation.cli.scenarios import add_import, add_scenarios
 from sidestep.validation.cli.shell.completion import add_completion
+from sidestep.validation.cli.shell.last_resort import one_line, unforeseen
 from sidestep.validation.cli.shell.parser import BAD_INPUT, Parser
 from sidestep.validation.cli.validate import add_validate
 from sidestep.validation.cli.vehicles import add_vehicles

@@ -267,7 +267,7 @@ def test_a_bad_value_is_named_with_file_line_and_key(tir, old, new, line, key, p
 def test_files_that_are_none(tir, tmp_path):
     with pytest.raises(InputError, match="no PKY1"):
         read_tyre(tir("PKY1 = -15.324", ""))
-    with pytest.raises(InputError, match=r"missing\.tir: No such file"):
+    with pytest.raises(InputError, match=r"missing\.tir: cannot be read \(No such file"):
         read_tyre(Path(tmp_path / "missing.tir"))
     (tmp_path / "binary.tir").write_bytes(bytes(range(256)))
     with pytest.raises(InputError, match="no UNLOADED_RADIUS"):

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from typing import Any, NoReturn
 
-from sidestep.validation.cli.last_resort import one_line
 from sidestep.validation.cli.shell.examples import EXAMPLES
+from sidestep.validation.cli.shell.last_resort import one_line
 
 BAD_INPUT = 2
 

@@ -9,8 +9,8 @@ import pytest
 
 from sidestep.validation.campaigns.journal import open_journal
 from sidestep.validation.cli import scenarios
-from sidestep.validation.cli.last_resort import MOST_LETTERS, one_line
 from sidestep.validation.cli.main import main
+from sidestep.validation.cli.shell.last_resort import MOST_LETTERS, one_line
 from sidestep.validation.files import companion, write_text
 
 
