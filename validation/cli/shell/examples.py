@@ -22,6 +22,8 @@ EXAMPLES = {
     "sidestep limits optimum": "sidestep limits optimum",
     "sidestep limits endurance": "sidestep limits endurance --hours 1",
     "sidestep limits alks": "sidestep limits alks scene.xosc",
+    "sidestep export": "sidestep export c double-obstacle --out component",
+    "sidestep export c": "sidestep export c double-obstacle --out component",
     "sidestep fmu": "sidestep fmu info car.fmu --map car.toml",
     "sidestep fmu build": "sidestep fmu build single-track --out car.fmu",
     "sidestep fmu export": "sidestep fmu export moose --fmi 3 --out controller.fmu",
