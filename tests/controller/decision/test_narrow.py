@@ -2,6 +2,7 @@
 
 import math
 
+import numba
 import numpy as np
 import pytest
 import shapely
@@ -47,7 +48,7 @@ def boxes_of(seed):
     return [(s, lane + rng.normal(0.0, 0.3), 4.8, 1.9, rng.normal(0.0, 0.04)) for lane, s in lanes]
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=2 if numba.config.DISABLE_JIT else 40, deadline=None)  # plain Python takes seconds for one
 @given(st.integers(0, 10_000), st.floats(2.0, 14.0))
 def test_the_outline_as_driven_keeps_what_is_asked_and_the_curvature_what_the_car_can(seed, speed):
     boxes = boxes_of(seed)
