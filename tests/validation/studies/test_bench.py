@@ -72,6 +72,7 @@ def test_recorded_problems_are_copies(problems):
     assert len({problem.c.tobytes() for problem in problems}) == len(problems) == 30
 
 
+@pytest.mark.closed_loop
 def test_figures_have_the_keys_that_scripts_rely_on(figures):
     assert {"controller_step_us", "planner_us", "qp_us", "plant_us", "can_frame_us"} <= figures.keys()
     assert list(figures["plant_us"]) == ["linear", "single-track", "double-track", "mujoco"]
@@ -84,6 +85,7 @@ def test_figures_have_the_keys_that_scripts_rely_on(figures):
     json.dumps(figures, allow_nan=False)
 
 
+@pytest.mark.closed_loop
 def test_tables_show_every_figure(figures, capsys):
     print_figures(figures)
     print_solvers(figures)
