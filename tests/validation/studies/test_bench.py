@@ -94,6 +94,7 @@ def test_tables_show_every_figure(figures, capsys):
         assert word in shown
 
 
+@pytest.mark.closed_loop
 def test_a_plant_that_cannot_be_built_leaves_a_gap(scenario, monkeypatch, figures, capsys):
     def no_compiler(_):
         raise PlantError("no C compiler")
@@ -112,6 +113,7 @@ def test_mujoco_counts_per_millisecond_and_the_others_per_period(scenario):
     assert bench._plant_figure("linear", drive) == 50.0
 
 
+@pytest.mark.closed_loop
 def test_command_runs_in_a_process_with_one_thread(tmp_path, monkeypatch, figures, capsys):
     seen = {}
 
@@ -136,6 +138,7 @@ def test_unwritable_json_is_refused_before_measuring(tmp_path, monkeypatch, caps
     assert capsys.readouterr().err.startswith("sidestep: --json: cannot write")
 
 
+@pytest.mark.closed_loop
 def test_json_that_is_a_folder_is_an_error_in_one_line(tmp_path, monkeypatch, figures, capsys):
     monkeypatch.setattr(os, "environ", {**os.environ, **bench._ONE_THREAD})
     monkeypatch.setattr(bench, "measure", lambda scenario, progress: figures)
