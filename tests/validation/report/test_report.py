@@ -20,16 +20,6 @@ DESIGN_KEYS = {
 }  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def collided():
-    return drive()
-
-
-@pytest.fixture(scope="module")
-def html(collided):
-    return run_report(collided)
-
-
 def test_a_run_report_is_one_whole_page_that_loads_nothing(html):
     page = check_self_contained(html)
     text = " ".join(" ".join(page.words).split())

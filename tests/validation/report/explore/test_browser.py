@@ -13,7 +13,7 @@ from sidestep.validation.campaigns.campaign_report import summarised, write_camp
 from sidestep.validation.judge.findings import Verdict
 from sidestep.validation.report.credibility import credibility_report
 from sidestep.validation.report.evidence import Evidence
-from sidestep.validation.report.report import demo_report, run_report
+from sidestep.validation.report.report import demo_report
 
 pytestmark = pytest.mark.browser
 
@@ -23,16 +23,6 @@ runs = 40
 vary.speed = { low = 10.0, high = 18.0 }
 vary.plant.noise = { low = 0.0, high = 2.0 }
 """
-
-
-@pytest.fixture(scope="module")
-def collided():
-    return drive()
-
-
-@pytest.fixture(scope="module")
-def html(collided):
-    return run_report(collided)
 
 
 @pytest.fixture(scope="module")
