@@ -85,3 +85,11 @@ def _number(text: str, fits: Callable[[float], bool], allowed: str) -> float:
     if not fits(value):
         raise argparse.ArgumentTypeError(f"{text!r} is no number {allowed}")
     return value
+
+
+def add_overrides(parser: argparse.ArgumentParser, example: str) -> None:
+    """`--set`, with an example, or what it is for."""
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
+        help=f"replace a key of the scenario file, {example}; may be repeated",
+    )  # fmt: skip

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.cli.arguments import PLANTS, positive_number, refuse_beside, seed, whole_number
+from sidestep.validation.cli.arguments import PLANTS, add_overrides, positive_number, refuse_beside, seed, whole_number
 from sidestep.validation.cli.bus_maps import add_bus_map, described
 
 if TYPE_CHECKING:
@@ -27,10 +27,7 @@ def add_can(commands: argparse._SubParsersAction) -> None:
     plant.add_argument("--plant", metavar="PLANT", help=PLANTS)
     plant.set_defaults(isolate=None)
     for part in (drive, plant):
-        part.add_argument(
-            "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
-            help="replace a key of the scenario file; may be repeated",
-        )  # fmt: skip
+        add_overrides(part, "such as speed=12")
     monitor = parts.add_parser("monitor", help="decoded signals with their E2E state, live")
     _bus_options(monitor)
     until = monitor.add_mutually_exclusive_group()

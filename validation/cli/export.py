@@ -3,6 +3,8 @@
 import argparse
 from pathlib import Path
 
+from sidestep.validation.cli.arguments import add_overrides
+
 
 def add_export(commands: argparse._SubParsersAction) -> None:
     """Add `export` and what is below it to the commands of `sidestep`."""
@@ -18,10 +20,7 @@ def add_export(commands: argparse._SubParsersAction) -> None:
         "--platform", choices=("here", "all"), default="here",
         help="all: libraries for Linux and macOS on x86-64 and ARM and for Windows, by ziglang",
     )  # fmt: skip
-    c.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
-        help="replace a key of the scenario file, such as controller.period=0.01; may be repeated",
-    )  # fmt: skip
+    add_overrides(c, "such as controller.period=0.01")
     c.set_defaults(command=_export_c)
 
 

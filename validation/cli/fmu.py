@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from sidestep.plant_models.errors import InputError
+from sidestep.validation.cli.arguments import add_overrides
 
 
 def add_fmu(commands: argparse._SubParsersAction) -> None:
@@ -40,10 +41,7 @@ def _add_export(commands: argparse._SubParsersAction) -> None:
         help="a system (.ssp) of controller and plant instead, in FMI 2.0; single-track where the scenario's plant is "
         "no model of `build`",
     )  # fmt: skip
-    export.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
-        help="replace a key of the scenario file, such as controller.input_delay_steps=1; may be repeated",
-    )  # fmt: skip
+    add_overrides(export, "such as controller.input_delay_steps=1")
     export.set_defaults(command=_export)
 
 

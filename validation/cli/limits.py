@@ -4,7 +4,7 @@ import argparse
 import time
 from pathlib import Path
 
-from sidestep.validation.cli.arguments import PLANTS, add_jobs, positive_number, seed, whole_number
+from sidestep.validation.cli.arguments import PLANTS, add_jobs, add_overrides, positive_number, seed, whole_number
 
 
 def add_limits(commands: argparse._SubParsersAction) -> None:
@@ -22,10 +22,7 @@ def _add(below: argparse._SubParsersAction, name: str, text: str, plant: str | N
         default = {"help": "only this one; default: single-track and mujoco"}
     parser.add_argument("--plant", metavar="PLANT", **default)
     parser.add_argument("--out", type=Path, metavar="DIR", help=f"default: runs/<time>-{name}")
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
-        help="replace a key of the scenario, such as controller.tyre_model=linear; may be repeated",
-    )  # fmt: skip
+    add_overrides(parser, "such as controller.tyre_model=linear")
     return parser
 
 

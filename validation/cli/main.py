@@ -15,7 +15,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from sidestep.plant_models.errors import InputError, PlantError
-from sidestep.validation.cli.arguments import PLANTS, positive_number
+from sidestep.validation.cli.arguments import PLANTS, add_overrides, positive_number
 from sidestep.validation.cli.bus_maps import add_bus_map, described, split_maps
 from sidestep.validation.cli.campaign import add_campaign
 from sidestep.validation.cli.can import add_can
@@ -135,10 +135,7 @@ def _add_run(commands: argparse._SubParsersAction) -> None:
     run.add_argument("--out", type=Path, metavar="DIR", help="default: runs/<time>-<scenario>")
     run.add_argument("--mf4", action="store_true", help="also write recording.mf4; needs the extra mdf")
     run.add_argument("--junit", type=Path, metavar="FILE", help="also write the verdict as a test case")
-    run.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
-        help="replace a key of the scenario file, such as plant.friction=0.6; may be repeated",
-    )  # fmt: skip
+    add_overrides(run, "such as plant.friction=0.6")
     run.add_argument("--view", action="store_true", help="show MuJoCo's viewer, in real time")
     run.add_argument("--render", type=Path, metavar="FILE", help="film MuJoCo's car, as .gif or .mp4; needs no display")
     run.set_defaults(command=_run)

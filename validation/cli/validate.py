@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from sidestep.plant_models.errors import InputError
-from sidestep.validation.cli.arguments import PLANTS, add_jobs, refuse_beside
+from sidestep.validation.cli.arguments import PLANTS, add_jobs, add_overrides, refuse_beside
 
 
 def add_validate(commands: argparse._SubParsersAction) -> None:
@@ -43,10 +43,7 @@ def _add_plant(parser: argparse.ArgumentParser, plant: str) -> None:
     parser.add_argument("--plant", default=plant, metavar="PLANT", help=f"{PLANTS}; default: %(default)s")
     parser.add_argument("--map", type=Path, metavar="MAP.toml", help="mapping file of an FMU or a log that is not ours")
     parser.set_defaults(default_plant=plant)
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides",
-        help="as of `run`, of vehicle and plant: vehicle.file=car.toml, plant.stiffness=0.9; may be repeated",
-    )  # fmt: skip
+    add_overrides(parser, "of vehicle and plant: vehicle.file=car.toml, plant.stiffness=0.9")
 
 
 def _add_log(parser: argparse.ArgumentParser) -> None:
